@@ -4,7 +4,13 @@ from models.arm import ARM_PACKAGE, ARMS, Arm, mesh_folder, read_arm
 from models.catalogue import Catalogue
 from models.errors import InputError
 from models.label_volume import LabelVolume
-from models.press_program import PressProgram, grid_program, read_program, write_program
+from models.press_program import (
+    USUAL_RADIUS_M,
+    PressProgram,
+    grid_program,
+    read_program,
+    write_program,
+)
 from models.replaced import replaced
 from models.scan import Scan
 from models.scan_columns import PHASES, nearest
@@ -19,6 +25,7 @@ __all__ = [
     "MOST_OF_FREE_MAP",
     "MOST_PRESSES",
     "PHASES",
+    "USUAL_RADIUS_M",
     "Arm",
     "Catalogue",
     "Doubt",

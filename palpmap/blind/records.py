@@ -27,6 +27,12 @@ class TrialTruthRecord(TruthRecord):
     size_m: tuple[float, float, float] | None = Field(
         default=None, description="edges of the block, m; of the paper's if null"
     )
+    poisson_ratio: float | None = Field(
+        default=None, description="of the block; of the paper's if null"
+    )
+    divisions: tuple[int, int, int] | None = Field(
+        default=None, description="of the truth's finer mesh along x, y and z; the usual if null"
+    )
     robot: bool = Field(default=False, description="the virtual robot pressed")
     program: Mapping[str, tuple[float, ...]] | None = Field(
         default=None, description="the presses made, column by column, SI units"

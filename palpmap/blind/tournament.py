@@ -131,7 +131,7 @@ def earlier_games(run: Path, settings: Mapping[str, JsonValue]) -> dict[int, Tri
     path = run / FILE
     head = run / "settings.json"
     # Of tournaments whose settings do not say
-    usual = {"mixed": False, "further": 0, "small": False, "robot": False}
+    usual = {"mixed": False, "further": 0, "small": False, "robot": False, "varied": False}
     if head.is_file():
         try:
             before = {**usual, **json.loads(head.read_text(encoding="utf-8"))}

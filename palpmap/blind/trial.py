@@ -2,12 +2,13 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import JsonValue
 
-from models import InputError, grid_program, write_scan
+from models import InputError, write_scan
+from palpmap.blind.layout import RADII_M, Layout, usual_layout, varied_layout
 from palpmap.blind.records import TrialTruthRecord
 from palpmap.blind.robot_trial import robot_scan
 from palpmap.blind.seal import FOLDER, seal
@@ -19,13 +20,6 @@ from palpmap.study.truth_file import Truth
 if TYPE_CHECKING:
     from sim.body import TruthMap
 
-RADII_M = {1: (0.005,), 2: (0.003, 0.010)}
-SMALL_RADII_M = {1: (0.005,), 2: (0.003, 0.007)}  # a tip of 10 mm would reach over its edges
-PRESSES_PER_SIDE = 9
-SMALL = 2 / 3  # edges of a small trial's block, over those of the usual one
-SMALL_PER_SIDE, SMALL_DIVISIONS, SMALL_CELL_M = 6, (10, 10, 5), 0.012
-MIXED = {"shuffled": True, "force_shares": (0.5, 1.5)}
-"""Additions of a mixed scan to the plain one's places, see `models.press_program.grid_program`."""
 SIZES = (0.01, 0.10)
 SMALLEST_OUTSIDER = 0.03  # below it, to call the residual noise can be the right answer
 KINDS = {"none": 0.15, "single": 0.55, "pair": 0.15, "outsider": 0.15}
@@ -48,6 +42,7 @@ class Conditions:
     mixed : places in random order with two forces, or row by row with one
     small : a smaller block, with fewer presses
     robot : the virtual robot presses, with the effect in its loop; else finished readings change
+    varied : body, tip and presses of any size, see `palpmap.blind.layout.varied_layout`
     """
 
     effects: tuple[str, ...] = ()
@@ -56,6 +51,7 @@ class Conditions:
     mixed: bool = True
     small: bool = False
     robot: bool = False
+    varied: bool = False
 
     def settings(self) -> dict[str, JsonValue]:
         """Return the conditions as a run folder keeps them."""
@@ -74,6 +70,7 @@ class Trial:
     mixed : whether the places come in random order, every other one pressed three times as hard
     small : whether the block is two thirds as large, with 36 presses and cells of the same size
     robot : whether the virtual robot presses
+    varied : whether body, tip and presses are drawn, too
     """
 
     seed: int
@@ -83,6 +80,7 @@ class Trial:
     mixed: bool = True
     small: bool = False
     robot: bool = False
+    varied: bool = False
 
 
 def run_blind(conditions: Conditions, *, out: Path | None, seed: int, output: Output) -> bool:
@@ -123,6 +121,11 @@ def draw_trial(seed: int, conditions: Conditions) -> Trial:
         raise InputError(f"found {radii} tip radii, expected 1 or 2")
     if size is not None and not 0 < size <= 0.5:
         raise InputError(f"found a size of {size:g}, expected more than 0 and at most 0.5")
+    if conditions.varied and (conditions.small or conditions.robot):
+        raise InputError(
+            "found --varied with --small or --robot, expected it alone: the block is drawn, and "
+            "pressed without the robot"
+        )
     rng = np.random.default_rng([seed, 11])
     kinds = list(KINDS)
     weights = list(KINDS.values())
@@ -130,7 +133,7 @@ def draw_trial(seed: int, conditions: Conditions) -> Trial:
     names = _draw_effects(word, rng)
     low = [SMALLEST_OUTSIDER if name.startswith("outside_") else SIZES[0] for name in names]
     sizes = [size or float(np.exp(rng.uniform(np.log(a), np.log(SIZES[1])))) for a in low]
-    kind = {"mixed": conditions.mixed, "small": conditions.small, "robot": conditions.robot}
+    kind = {name: getattr(conditions, name) for name in ("mixed", "small", "robot", "varied")}
     return Trial(seed, names, tuple(sizes), radii, **kind)
 
 
@@ -167,23 +170,6 @@ def _other_forms(name: str) -> tuple[str, ...]:
     return tuple(e.name for e in CATALOGUE if e.family == family and e.name != name)
 
 
-def draw_map(seed: int, scale: float = 1.0) -> "TruthMap":
-    """Draw a body: background 4 to 8 kPa and one inclusion in the middle, 2 to 6 times as stiff.
-
-    `scale` is that of all lengths.
-    """
-    from sim.body import PAPER_SIZE_M, Inclusion, TruthMap
-
-    rng = np.random.default_rng([seed, 12])
-    background = float(rng.uniform(4000, 8000))
-    x, y = rng.uniform(0.35, 0.65, 2) * PAPER_SIZE_M[:2]
-    centre = (float(x), float(y), PAPER_SIZE_M[2] - float(rng.uniform(0.008, 0.022)))
-    weight = background * (float(rng.uniform(2, 6)) - 1)
-    radius = scale * float(rng.uniform(0.008, 0.014))
-    x, y, z = (scale * at for at in centre)
-    return TruthMap(background, (Inclusion(weight, (x, y, z), radius),))
-
-
 def make_trial(
     folder: Path, trial: Trial, per_side: int | None = None, truth: "TruthMap | None" = None
 ) -> int:
@@ -191,27 +177,23 @@ def make_trial(
 
     Parameters
     ----------
-    per_side : presses along each edge, None for 9, or 6 of a small trial
-    truth : the body, None for that of `draw_map`
+    per_side, truth : of a trial that is not varied, see `palpmap.blind.layout.usual_layout`
     """
     from sim.bench import planted_scan
     from sim.planted import HIDDEN
 
-    radii = (SMALL_RADII_M if trial.small else RADII_M)[trial.radii]
-    truth = truth or draw_map(trial.seed, SMALL if trial.small else 1.0)
-    mixed: dict[str, Any] = MIXED if trial.mixed else {}
-    finer: dict[str, Any] = {"divisions": SMALL_DIVISIONS} if trial.small else {}
-    per_side = per_side or (SMALL_PER_SIDE if trial.small else PRESSES_PER_SIDE)
-    program = grid_program(_size_m(trial), per_side, radii, seed=trial.seed, **mixed)
-    study = _study(folder, trial)
+    layout = varied_layout(trial) if trial.varied else usual_layout(trial, per_side, truth)
+    study = _study(folder, trial, layout)
     if trial.robot:
         plant = tuple(zip(trial.effects, trial.sizes, strict=True))
-        scan, study, said = robot_scan(study, program, Truth(truth), trial.seed, plant)
-        said["size_m"] = _size_m(trial)
+        scan, study, said = robot_scan(
+            study, layout.program, Truth(layout.truth), trial.seed, plant
+        )
+        said["size_m"] = layout.size_m
     else:
         scan, said = planted_scan(
-            trial.effects, trial.sizes, trial.seed, radii, truth, program, size_m=_size_m(trial),
-            **finer,
+            trial.effects, trial.sizes, trial.seed, layout.radii_m, layout.truth, layout.program,
+            **layout.options,
         )  # fmt: skip
     for effect in said["effects"]:
         effect["kin"] = HIDDEN[effect["name"]].kin or _other_forms(effect["name"])
@@ -224,28 +206,16 @@ def make_trial(
     return len(scan.press_ids)
 
 
-def _size_m(trial: Trial) -> tuple[float, float, float]:
-    from sim.body import PAPER_SIZE_M
-
-    scale = SMALL if trial.small else 1.0
-    x, y, z = (round(scale * edge, 6) for edge in PAPER_SIZE_M)
-    return x, y, z
-
-
-def _study(folder: Path, trial: Trial) -> Study:
+def _study(folder: Path, trial: Trial, layout: Layout) -> Study:
     """Return what the experimenter knows beforehand: block, tip, one inclusion."""
-    from sim.body import HiddenBody
-
-    known = HiddenBody(_size_m(trial))
-    cell_m = SMALL_CELL_M if trial.small else None
     return Study(
         study=About(name=f"blind trial {trial.seed}", scan=(folder / "scan.csv").resolve()),  # pyright: ignore[reportCallIssue]
         body=Body(
             shape="block",
-            size_m=known.size_m,
-            poisson_ratio=known.poisson_ratio,
-            cell_size_m=cell_m,
+            size_m=layout.size_m,
+            poisson_ratio=layout.poisson_ratio,
+            cell_size_m=layout.cell_m,
         ),  # pyright: ignore[reportCallIssue]
-        probe=Probe(tip="flat", radius_m=RADII_M[trial.radii][0]),
+        probe=Probe(tip="flat", radius_m=layout.radii_m[0]),
         map=Map(inclusions=1),
     )

@@ -52,6 +52,14 @@ Robot = Annotated[
         "as it gets. Without, finished readings are changed by formula.",
     ),
 ]
+Varied = Annotated[
+    bool,
+    typer.Option(
+        "--varied",
+        help="Draw the block, the tip and the places of the presses, too: 4 to 25 cm, 1.5 to 8 mm, "
+        "1 to 200 kPa, a part of the top or all of it. Else they are the paper's.",
+    ),
+]
 Tournament = Annotated[
     int | None,
     typer.Option(
@@ -89,6 +97,7 @@ def blind(
     mixed: Mixed = True,
     small: Small = False,
     robot: Robot = False,
+    varied: Varied = False,
     tournament: Tournament = None,
     further: Further = 0,
     workers: Workers = None,
@@ -110,7 +119,7 @@ def blind(
 
     names = (name.strip() for name in (effects or "").split(","))
     share = None if size is None else size / 100
-    conditions = Conditions(tuple(filter(None, names)), share, radii, mixed, small, robot)
+    conditions = Conditions(tuple(filter(None, names)), share, radii, mixed, small, robot, varied)
     if tournament is None:
         return run_blind(conditions, out=out, seed=seed, output=Output(quiet, json))
     from palpmap.blind.tournament import run_tournament

@@ -32,6 +32,7 @@ def planted_scan(
     noise: tuple[float, float] = (DISPLACEMENT_NOISE_M, FORCE_NOISE_N),
     size_m: tuple[float, float, float] = PAPER_SIZE_M,
     divisions: Divisions = DIVISIONS,
+    poisson_ratio: float = HiddenBody.poisson_ratio,
     **grid: Any,
 ) -> tuple[Scan, dict[str, Any]]:
     """Make a scan of a block, the paper's by default, with effects hidden in it.
@@ -52,18 +53,19 @@ def planted_scan(
     noise : one standard deviation of displacement (m) and force (N)
     size_m : edges of the block
     divisions : of the truth's finer mesh
+    poisson_ratio : of the block
     **grid : of `models.press_program.grid_program`, where no program is given
 
     Returns
     -------
     The scan, and its truth: `effects` (each with name, category, law, values, size wanted and
-    reached), `body`, `size_m`, `seed`, `radii_m`, `noise`, `program` (column by column),
-    `compliance_m_per_n` of every press as it was made.
+    reached), `body`, `size_m`, `poisson_ratio`, `divisions`, `seed`, `radii_m`, `noise`, `program`
+    (column by column), `compliance_m_per_n` of every press as it was made.
     """
     names = [effect] if isinstance(effect, str) else list(effect or ())
     sizes = np.broadcast_to(np.asarray(size, float), len(names))
     program = program or grid_program(size_m, radii_m=radii, seed=seed, **grid)
-    bench = Bench(program, HiddenBody(size_m, truth=truth), divisions=divisions)
+    bench = Bench(program, HiddenBody(size_m, poisson_ratio, truth), divisions=divisions)
     rng = np.random.default_rng([seed, 3])
     planted: tuple[Planted, ...] = ()
     records = []
@@ -85,6 +87,8 @@ def planted_scan(
         "effects": records,
         "body": truth.record(),
         "size_m": size_m,
+        "poisson_ratio": poisson_ratio,
+        "divisions": divisions,
         "seed": seed,
         "noise": {"displacement_m": noise[0], "force_n": noise[1]},
         **_pressed_record(bench, planted),
@@ -95,7 +99,6 @@ def further_scan(
     answer: Mapping[str, Any],
     program: PressProgram,
     rest_s: float = BETWEEN_SCANS_S,
-    divisions: Divisions = DIVISIONS,
 ) -> tuple[Scan, dict[str, Any]]:
     """Press the body of an earlier scan once more, with its hidden effects.
 
@@ -106,7 +109,6 @@ def further_scan(
     answer : the truth that came with the scan before, see `planted_scan`
     program : the further presses
     rest_s : between the two
-    divisions : of the truth's finer mesh, as for the scan before
 
     Returns
     -------
@@ -124,9 +126,11 @@ def further_scan(
         )
     earlier = PressProgram(**{name: np.array(v) for name, v in answer["program"].items()})
     x, y, z = answer.get("size_m") or PAPER_SIZE_M
-    body = HiddenBody((x, y, z), truth=_map_from(answer["body"]))
+    poisson_ratio = answer.get("poisson_ratio") or HiddenBody.poisson_ratio
+    body = HiddenBody((x, y, z), poisson_ratio, _map_from(answer["body"]))
     _on_top(program, body)
-    bench = Bench(earlier.then(program, rest_s), body, divisions=divisions)
+    nx, ny, nz = answer.get("divisions") or DIVISIONS
+    bench = Bench(earlier.then(program, rest_s), body, divisions=(nx, ny, nz))
     planted = tuple((HIDDEN[e["name"]], e["values"]) for e in answer["effects"])
     noise = answer["noise"]["displacement_m"], answer["noise"]["force_n"]
     seed = np.random.SeedSequence([answer["seed"], 6, len(earlier)]).generate_state(1)[0]

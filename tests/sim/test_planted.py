@@ -278,7 +278,7 @@ FURTHER = replace(SHORT, x_m=SHORT.y_m, radius_m=np.array([0.004, 0.005, 0.008])
 def test_a_further_scan_is_the_second_half_of_one_long_scan(name):
     silent = (0.0, 0.0)
     _, answer = planted_scan(name, 0.05, 8, program=SHORT, noise=silent, divisions=COARSE)
-    again, longer = further_scan(answer, FURTHER, divisions=COARSE)
+    again, longer = further_scan(answer, FURTHER)
     long = SHORT.then(FURTHER, BETWEEN_SCANS_S)
     values = answer["effects"][0]["values"]
     whole, _ = planted_scan(
@@ -295,9 +295,9 @@ def test_a_further_scan_is_the_second_half_of_one_long_scan(name):
 
 def test_further_scans_have_noise_of_their_own_and_go_on_from_each_other():
     first, answer = planted_scan(None, seed=8, program=SHORT, divisions=COARSE)
-    second, after = further_scan(answer, SHORT, divisions=COARSE)
-    same, _ = further_scan(answer, SHORT, divisions=COARSE)
-    third, _ = further_scan(after, SHORT, divisions=COARSE)
+    second, after = further_scan(answer, SHORT)
+    same, _ = further_scan(answer, SHORT)
+    third, _ = further_scan(after, SHORT)
     assert (second.force_n == same.force_n).all()
     pairs = [(first, second), (first, third), (second, third)]
     for one, other in pairs:

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,13 @@ from typer.testing import CliRunner
 
 import palpmap as pm
 from models.errors import InputError
+from models.press_program import PressProgram
 from models.scan import Scan
 from models.scan_file import read_scan
 from palpmap.__main__ import app
 from palpmap.blind import tournament
 from palpmap.blind.further_presses import press_further
+from palpmap.blind.layout import SMALL, draw_map, varied_layout
 from palpmap.blind.records import (
     AnswerRecord,
     CoverageRecord,
@@ -33,7 +36,7 @@ from palpmap.blind.reveal import stated
 from palpmap.blind.score import map_errors, score_blind
 from palpmap.blind.seal import seal, unseal
 from palpmap.blind.statistics import tournament_record, tournament_screen
-from palpmap.blind.trial import SMALL, Conditions, Trial, draw_map, draw_trial, make_trial
+from palpmap.blind.trial import Conditions, Trial, draw_trial, make_trial
 from palpmap.result.next_scan import REPEAT
 from palpmap.study.placement import place_scan
 from palpmap.study.study import load_study
@@ -160,11 +163,52 @@ def test_what_is_drawn_depends_on_the_seed_alone_and_covers_all_kinds():
         (Conditions(("force_drifd",)), "did you mean 'force_drift'"),
         (Conditions(size=0.7), "found a size of 0.7"),
         (Conditions(radii=3), "found 3 tip radii"),
+        (Conditions(small=True, varied=True), "found --varied with --small or --robot"),
     ],
 )
 def test_conditions_that_make_no_sense_are_refused(conditions, message):
     with pytest.raises(InputError, match=message):
         draw_trial(0, conditions)
+
+
+def test_a_varied_trial_presses_its_block_anywhere_and_differs_from_the_papers():
+    layouts = [varied_layout(Trial(seed, (), (), 1 + seed % 2, varied=True)) for seed in range(100)]
+    for layout in layouts:
+        program, (x, y, z) = layout.program, layout.size_m
+        (inclusion,) = layout.truth.inclusions
+        for at, edge in ((program.x_m, x), (program.y_m, y)):
+            assert (at > program.radius_m).all()
+            assert (at < edge - program.radius_m).all()
+        assert 0 < inclusion.centre_m[2] < z
+        assert z >= 5 * min(layout.radii_m)
+        assert 36 <= len(program) <= 121
+    sizes = np.array([layout.size_m for layout in layouts])
+    assert sizes[:, 0].min() < 0.05
+    assert sizes[:, 0].max() > 0.2
+    felt = [np.ptp(lay.program.x_m) / lay.size_m[0] for lay in layouts]
+    assert min(felt) < 0.2
+    assert max(felt) > 0.7
+    assert {len(layout.radii_m) for layout in layouts} == {1, 2}
+
+
+def test_a_varied_trial_states_its_block_and_is_pressed_further(tmp_path):
+    trial = Trial(46, ("force_bias",), (0.05,), 1, varied=True)
+    layout = varied_layout(trial)
+    make_trial(tmp_path, trial)
+    study, sealed = load_study(tmp_path / "study.toml"), unseal(tmp_path)
+    assert study.body.size_m == pytest.approx(layout.size_m)
+    assert study.body.poisson_ratio == sealed.poisson_ratio == layout.poisson_ratio
+    assert sealed.divisions == layout.divisions
+    scan = read_scan(study.scan)
+    travel = scan.displacement_m.max()
+    assert 0.002 < study.noise.displacement_m / travel < 0.02
+    (name,) = [e.name for e in sealed.effects]
+    assert name == "force_bias"
+    few = {f.name: getattr(layout.program, f.name)[:4] for f in fields(PressProgram)}
+    press_further(tmp_path, PressProgram(**few))
+    assert len(read_scan(tmp_path / "scan_2.csv").press_ids) == len(layout.program) + 4
+    again = unseal(tmp_path).compliance_m_per_n
+    np.testing.assert_allclose(again[-4:], again[:4], rtol=1e-9)  # one body, one mesh
 
 
 @pytest.fixture(scope="module")

@@ -24,6 +24,7 @@ from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError, OptimizeResult
 
 _HARD, _PLAIN_WEIGHT = 8.0, 4.0  # over the background
+_VOID, _PLAIN_SOFT = -0.9, -0.5  # the same of soft ones
 _PLAIN_RADIUS, _PLAIN_DEPTH = 1.3, 2.0  # over the tip's radius
 _SAME = 0.05  # scaled coordinate: so near its end a search is at the same minimum
 
@@ -77,18 +78,21 @@ def try_fit(model: MeasurementModel, stiffness: GaussianMap, **options) -> FitRe
 
 
 def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
-    """Refit from plain inclusions where one ended very hard, and return the better fit.
+    """Refit from plain inclusions where one ended very hard or void, and return the better fit.
 
-    A hard grain far below the surface is a false minimum for an inclusion of ordinary size at
-    ordinary depth.
+    A hard grain or a void far below the surface is a false minimum for an inclusion of ordinary
+    size at ordinary depth.
     """
     if not isinstance(fit.map, GaussianMap):
         return fit
-    tip_m, plain = float(np.median(fit.model.readings.radius_m)), {}
+    tip_m, plain, void = float(np.median(fit.model.readings.radius_m)), {}, False
     for number, inclusion in enumerate(fit.map.inclusions, 1):
-        if inclusion.weight_pa > _HARD * fit.map.background_pa:
+        share = inclusion.weight_pa / fit.map.background_pa
+        if share > _HARD or share < _VOID:
+            void = void or share < _VOID
+            weight = _PLAIN_WEIGHT if share > 0 else _PLAIN_SOFT
             place = _nearer(fit, np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m]), tip_m)
-            ordinary = (_PLAIN_WEIGHT * fit.map.background_pa, *place, _PLAIN_RADIUS * tip_m)
+            ordinary = (weight * fit.map.background_pa, *place, _PLAIN_RADIUS * tip_m)
             names = fit.map.names[5 * number - 4 : 5 * number + 1]
             plain |= {n: v for n, v in zip(names, ordinary, strict=True) if n in fit.model.names}
     if not plain:
@@ -97,7 +101,8 @@ def found_again(fit: FitResult, callback: Progress | None = None) -> FitResult:
     search.history = list(fit.history)
     try:
         u = fit.model.start(fit.map.changed(plain))
-        if _is_same_place(fit, search.minimum(fit.model, u)[0].x):
+        # A void is a minimum of the correction that was made there, and of no other
+        if not void and _is_same_place(fit, search.minimum(fit.model, u)[0].x):
             return fit
         model = fit.model if fit.model.mechanics.fine is None else search.corrected(fit.model, u)
         other = fit_from(search, model, u)

@@ -162,10 +162,10 @@ def seen_part(f: Finding, fit: FitResult, cut: Cut, values: np.ndarray) -> np.nd
 
 def _share(f: Finding, fit: FitResult, cut: Cut) -> np.ndarray | None:
     """Share of a free map's prior variance taken away on a cut; of others 1 in the probed part."""
-    field, found, probed = fit.field, fit.map, f.probed_m
+    field, found = fit.field, fit.map
     if field is not None and isinstance(found, FreeMap):
         return sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
-    if probed is None:
+    if (probed := f.probed_m) is None:
         return None
     return sample(f, cut, lambda p: ((probed[0] <= p) & (p <= probed[1])).all(axis=1).astype(float))
 

@@ -142,7 +142,7 @@ def test_a_free_map_is_cut_where_it_differs_from_its_layer_in_sight():
         lower_m=np.zeros(3), upper_m=np.array([0.06, 0.06, 0.03]), inside=lambda p: p[:, 0] >= 0
     )
     fit: Any = SimpleNamespace(map=found, field=field)
-    f: Any = SimpleNamespace(fit=fit, outline=outline)
+    f: Any = SimpleNamespace(fit=fit, outline=outline, probed_m=None)
     above, side = cuts(f)
     assert (above.at_m, side.at_m) == pytest.approx((0.02, 0.04), abs=0.0026)
     # Its colours are those of the part in sight

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
+from matplotlib.contour import ContourSet
 
 import palpmap as pm
 from fem import Contacts, PalpationModel, RefinedModel
@@ -124,6 +125,8 @@ def test_a_small_spot_in_a_large_body_is_found_within_its_intervals(tmp_path, as
         if fit.parameters[name].lower95 <= value <= fit.parameters[name].upper95
     ]
     assert held == list(TRUTH.names)
+    drawn = [c for axes in fit.plot_map().axes for c in axes.collections]
+    assert any(any(c.hatches) for c in drawn if isinstance(c, ContourSet))  # what no press shows
 
 
 @pytest.mark.slow

@@ -97,7 +97,7 @@ def _lengths_m(
 ) -> tuple[float, float]:
     """Least and largest length of the prior that grid and cells show; refuse another stated one."""
     mesh, (low, high) = model.mesh, model.probed_m
-    centres = mesh.nodes[mesh.cells[:, :4]].mean(axis=1)
+    centres = mesh.centres_m
     shown = ((centres >= low) & (centres <= high)).all(axis=1)
     cell = float(np.cbrt(6 * np.mean(mesh.cell_volumes[shown])))  # six cells make a cube
     least = max(settings.finest * max(grid.spacing_m), settings.finest_cell * cell)

@@ -4,10 +4,11 @@ The linear score only ranks; the refit decides. At each step the best-scored eff
 pattern alike, are fitted jointly with the map. The winner must beat every other by a margin of
 chi-square (after the price of its parameters), else they are an ambiguous group and one of them
 stands for the group. An effect is added only at p < 0.001 (`SelectionSettings.sure`), and beside a
-structured residual only if it removes at least 10 % of the excess chi-square: beside something
-large and unknown, everything is significant. An effect that the map imitates almost completely is
-never named alone: a small model error can mimic it. After each step the earlier effects must still
-earn their place, and are compared with their candidates again.
+structured residual only if it removes at least 10 % of the excess chi-square, from the third one
+on a quarter: beside something large and unknown, everything is significant. An effect that the map
+imitates almost completely is never named alone: a small model error can mimic it. After each step
+the earlier effects must still earn their place, and are compared with their candidates again; of
+three and more only where they leave noise, since beside structure none is named.
 """
 
 from __future__ import annotations
@@ -180,14 +181,13 @@ def _grow(path: _Path, catalogue: Sequence[Effect], selection: _Selection) -> No
         if not candidates:
             path.settled = now.comparison.is_noise
             return
-        if not now.comparison.is_noise and not policy.worthwhile(
-            now.fit, candidates[0].fit, settings
-        ):
+        least = settings.third_worthwhile if len(path.accepted) > 1 else settings.worthwhile
+        if not (noise or policy.worthwhile(now.fit, candidates[0].fit, least)):
             return
         candidates = leaving_noise(candidates, selection.is_noise, settings)
         before = list(ladder), list(path.accepted), list(path.dropped)
         path.accepted.append(accept_best(ladder, path.accepted, candidates, settings))
-        refitted = _refitted(now, candidates[0], path.accepted, effects, selection)
+        refitted = _refitted(first, now, candidates[0], path.accepted, effects, selection)
         if refitted is None:
             path.accepted, path.dropped = before[1:]
             return
@@ -271,6 +271,7 @@ def _begun(
 
 
 def _refitted(
+    alone: FitResult,
     now: Step,
     winner: Candidate,
     accepted: Sequence[AcceptedEffect],
@@ -289,6 +290,9 @@ def _refitted(
     accepted = [*accepted[:-1], last]
     fit, lost = policy.prune(fit, [a.name for a in accepted[:-1]], say, settings)
     kept = [a for a in accepted if a.name not in lost]
+    named = selection.is_noise(fit) or within_laws(alone, fit, kept, settings)
+    if len(kept) > 2 and not named:
+        return fit, kept, lost, {}
     # Beside an effect since lost, the last one may have beaten candidates that do as well now
     fit, kept, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
     if not lost and not exchanged:
@@ -310,13 +314,13 @@ def _refitted(
 
 @dataclass(frozen=True)
 class Policy:
-    """Decisions of the forward selection; each except `first` takes the settings.
+    """Decisions of the forward selection; most take the settings.
 
     Attributes
     ----------
     first : first step from the map alone, or None (`identify.select.first_step`)
     propose : candidates of a step, best first; empty to end the selection
-    worthwhile : sufficient gain of a candidate's fit beside a structured residual
+    worthwhile : sufficient gain of a candidate's fit beside a structured residual, of a least share
     prune : removal of earlier effects no longer needed
     compare : comparison of earlier effects with their candidates, beside the others
     goes_on : need of a further effect
@@ -329,7 +333,7 @@ class Policy:
         [Step, dict[str, Effect], Callable[[str], None], Sequence[str], SelectionSettings],
         tuple[Candidate, ...],
     ] = best_candidates
-    worthwhile: Callable[[FitResult, FitResult, SelectionSettings], bool] = is_worthwhile
+    worthwhile: Callable[[FitResult, FitResult, float], bool] = is_worthwhile
     prune: Callable[
         [FitResult, Sequence[str], Callable[[str], None], SelectionSettings],
         tuple[FitResult, list[str]],

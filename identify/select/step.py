@@ -48,9 +48,9 @@ def step_of(
     return Step(fit, comparison, cross_validate(fit, settings.cross_validation), diagnosis)
 
 
-def is_worthwhile(before: FitResult, after: FitResult, settings: SelectionSettings) -> bool:
-    """Whether a fit takes its share of the excess; any does without an excess."""
-    return before.chi2 - after.chi2 >= settings.worthwhile * (before.chi2 - before.dof)
+def is_worthwhile(before: FitResult, after: FitResult, least: float) -> bool:
+    """Whether a fit takes at least a share of the excess; any does without an excess."""
+    return before.chi2 - after.chi2 >= least * (before.chi2 - before.dof)
 
 
 def hides_lead(before: Step, after: Step, settings: SelectionSettings) -> bool:

@@ -61,6 +61,8 @@ class FitSettings:
     sure_sigmas : standard errors of the weight of an inclusion that is certainly there
     straight_step, longest_step : standard deviation in scaled coordinates below which a model
         counts as linear, and above which a step is cut, in the estimate of the curvature bias
+    structured_sigmas : standard deviations of chi-square above its mean, beyond which that bias,
+        hundredths of a standard error of an effect's size, is no matter
     """
 
     ftol: float = 1e-4
@@ -97,6 +99,7 @@ class FitSettings:
     sure_sigmas: float = 5.0
     straight_step: float = 0.02
     longest_step: float = 0.5
+    structured_sigmas: float = 10.0
 
     def is_gross(self, chi2_per_dof: float) -> bool:
         """Whether a misfit is gross: the one definition, see `gross_misfit`."""

@@ -209,19 +209,20 @@ class FreeMapFit:
         before = posterior.misfit(np.zeros_like(point.s)) + here.cost
         while self._damping < s.most_damping:
             share, aim, moved = posterior.damped(self._damping)
-            to_field = pace * share * (aim.field - point.field)
+            to_field = share * (aim.field - point.field)
             largest = float(np.abs(to_field).max())
-            if largest <= s.longest_step:
-                drawn = here.towards(aim, pace * share)
-                u = np.clip(point.u + pace * posterior.data.effects.step(moved), low, high)
-                with suppress(InadmissibleError, SolverError):
-                    there = self._point(point.model, point.field + to_field, u)
-                    after = posterior.misfit(there.s - point.s) + drawn.cost
-                    if after <= before * (1 + s.worse):
-                        point.model.mechanics._solutions.clear()  # large, and not asked again
-                        self._drawn = self.hyper, drawn
-                        self._damping = max(self._damping / s.damped, s.least_damping)
-                        return there, largest
+            # Damping alone hardly shortens it over a lump as good as rigid
+            part = min(pace, s.longest_step / max(largest, 1e-300))
+            drawn = here.towards(aim, part * share)
+            u = np.clip(point.u + part * posterior.data.effects.step(moved), low, high)
+            with suppress(InadmissibleError, SolverError):
+                there = self._point(point.model, point.field + part * to_field, u)
+                after = posterior.misfit(there.s - point.s) + drawn.cost
+                if after <= before * (1 + s.worse):
+                    point.model.mechanics._solutions.clear()  # large, and not asked again
+                    self._drawn = self.hyper, drawn
+                    self._damping = max(self._damping / s.damped, s.least_damping)
+                    return there, part * largest
             self._damping *= s.damped
         return point, 0.0
 

@@ -311,6 +311,20 @@ def test_a_search_whose_steps_are_refused_has_ended_only_where_the_presses_feel_
     assert fit.success is ended
 
 
+def test_a_step_that_is_too_long_is_made_shorter(body, grid):
+    """No damping brings a step over a lump as good as rigid below the longest that is taken."""
+    rng = np.random.default_rng(11)
+    lump = 3.0 * np.exp(-np.sum((grid.points_m - (0.03, 0.03, 0.026)) ** 2, axis=1) / 0.007**2)
+    model = model_of(body, grid, FreeMap(grid, LEVEL + lump), rng)
+    hyper = Hyper(0.01, 1.5, 0.01, ("length_m", "spread"))
+    settings = replace(FREE_MAP, longest_step=0.2, iterations=30)
+    fit = FreeMapFit(model, hyper, (0.009, 0.06), settings=settings).run()
+    assert fit.success
+    assert len(fit.history) > 10
+    assert fit.chi2_per_dof < 1.1
+    assert fit.field.spots[0].contrast > 5
+
+
 def test_a_homogeneous_body_has_no_spot(body, grid):
     rng = np.random.default_rng(5)
     model = model_of(body, grid, FreeMap(grid, np.full(len(grid), LEVEL + 0.3)), rng)

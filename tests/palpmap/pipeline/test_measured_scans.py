@@ -105,3 +105,46 @@ def test_a_noisy_scan_of_a_curved_phantom_ends_with_its_contact_law_and_no_effec
     assert explained.final.cross_validation.rms_m < min(
         3e-4, explained.ladder[0].cross_validation.rms_m
     )
+
+
+AS_NEW_MAKES_IT = """
+[study]
+name = "balls"
+scan = "scan.csv"
+
+[body]
+shape = "from-contacts"
+thickness_m = 0.03
+thickness_assumed = true
+poisson_ratio = 0.49
+
+[probe]
+tip = "sphere"
+radius_m = 0.00316
+
+[map]
+kind = "free"
+"""
+
+
+@pytest.mark.slow
+def test_two_small_balls_and_the_touch_are_found_in_a_scan_as_a_stranger_has_it(tmp_path):
+    source = REAL / "arma_small_balls" / "scan.csv"
+    if not source.is_file():
+        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    shutil.copy(source, tmp_path)
+    (tmp_path / "study.toml").write_text(AS_NEW_MAKES_IT)
+    explained = api.explain(read_study(tmp_path / "study.toml"))
+    assert explained.verdict == "ambiguous"
+    final = explained.final.fit
+    assert final.success
+    assert "touch_threshold" in final.effect_names
+    estimate = explained.record.parameters["touch_threshold.threshold_n"]
+    assert estimate.lower95 < 0.08 < estimate.upper95  # the robot's own
+    assert final.field is not None
+    assert final.field.ordinary_error < 0.03
+    raw = np.array([[-31.5, 65.0], [-28.5, 53.0]]) / 1e3  # where the raw stiffness has them
+    found = np.array([[s.x_m, s.y_m] for s in final.field.spots if s.probability > 0.9])
+    assert len(found) == 2
+    away = np.linalg.norm(raw[:, None] - found, axis=2)
+    assert away.min(axis=1).max() < 4e-3

@@ -115,6 +115,8 @@ def without_suspects(
             same = _same_answer(replace(start, experiment=experiment), explained, presses, settings)
             if same is not None:
                 return same
+            if not explained.added and _lies_elsewhere(start, explained, presses, settings):
+                return None  # none is named, and what is left does not rest on these presses
         made = others.answers.get((presses, False)) if others is not None else None
         if made is not None and experiment.whole is None:
             return WithoutSuspects.of(presses, made)
@@ -134,12 +136,10 @@ def _same_answer(
     settings: SelectionSettings,
 ) -> WithoutSuspects | None:
     """Return the same explanation without these presses; None if it does not hold there."""
-    others = ~np.isin(start.scan.press, presses)
-    same = others[start.scan.in_contact]
-    excess = explained.final.fit.at.residual**2 - 1
     structured = not explained.final.comparison.is_noise
-    if structured and excess[same].sum() < settings.elsewhere * excess.sum():
+    if structured and not _lies_elsewhere(start, explained, presses, settings):
         return None
+    same = _of_others(start.scan, presses)
     fewer = start.experiment.without(presses, refill=False)
     model = measurement_model(fewer.scan, fewer.body, start.fit)
     again = confirmed(explained, model, fewer.scan, same, fewer.say, settings)
@@ -147,6 +147,22 @@ def _same_answer(
         return None
     fit, comparison = again
     return replace(WithoutSuspects.of(presses, explained), fit=fit, comparison=comparison)
+
+
+def _of_others(scan: Scan, presses: tuple[int, ...]) -> np.ndarray:
+    """Whether each reading in contact, (m,), is of another press than these (ids)."""
+    return ~np.isin(scan.press, presses)[scan.in_contact]
+
+
+def _lies_elsewhere(
+    start: StartFit, explained: Explanation, presses: tuple[int, ...], settings: SelectionSettings
+) -> bool:
+    """Whether an explanation leaves structure, most of it outside these presses (ids)."""
+    excess = explained.final.fit.at.residual**2 - 1
+    outside = excess[_of_others(start.scan, presses)].sum()
+    return not explained.final.comparison.is_noise and bool(
+        outside >= settings.elsewhere * excess.sum()
+    )
 
 
 def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tuple[int, ...]:

@@ -97,9 +97,12 @@ def apart(others: Others, fit: FitResult, one_effect: Sequence[bool]) -> Rest | 
     if not bad:
         return None
     try:
-        suspected = _suspected(others, fit, bad)
+        suspected, at = _suspected(others, fit, bad), fit.at
+        press, share = fit.model.readings.press, others.settings.elsewhere
         for one in one_effect:
             for found in suspected:
+                if not (one or hold_misfit(press, at.residual, found[:0], found, share)):
+                    continue  # what several effects leave of the others remains without these
                 rest = _settled(others, found, one)
                 if rest is not None:
                     return rest

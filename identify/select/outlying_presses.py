@@ -150,14 +150,14 @@ def _same_answer(
 
 
 def _of_others(scan: Scan, presses: tuple[int, ...]) -> np.ndarray:
-    """Whether each reading in contact, (m,), is of another press than these (ids)."""
+    """Mask (m,) of the readings in contact of all presses but these (ids)."""
     return ~np.isin(scan.press, presses)[scan.in_contact]
 
 
 def _lies_elsewhere(
     start: StartFit, explained: Explanation, presses: tuple[int, ...], settings: SelectionSettings
 ) -> bool:
-    """Whether an explanation leaves structure, most of it outside these presses (ids)."""
+    """True for an explanation that leaves structure, most of it outside these presses (ids)."""
     excess = explained.final.fit.at.residual**2 - 1
     outside = excess[_of_others(start.scan, presses)].sum()
     return not explained.final.comparison.is_noise and bool(

@@ -116,7 +116,7 @@ def without_suspects(
             if same is not None:
                 return same
             if not explained.added and _lies_elsewhere(start, explained, presses, settings):
-                return None  # none is named, and what is left does not rest on these presses
+                return None  # none is named, and the structure does not rest on these presses
         made = others.answers.get((presses, False)) if others is not None else None
         if made is not None and experiment.whole is None:
             return WithoutSuspects.of(presses, made)

@@ -157,7 +157,7 @@ def _of_others(scan: Scan, presses: tuple[int, ...]) -> np.ndarray:
 def _lies_elsewhere(
     start: StartFit, explained: Explanation, presses: tuple[int, ...], settings: SelectionSettings
 ) -> bool:
-    """True for an explanation that leaves structure, most of it outside these presses (ids)."""
+    """Return True where an explanation leaves structure, most of it outside these presses."""
     excess = explained.final.fit.at.residual**2 - 1
     outside = excess[_of_others(start.scan, presses)].sum()
     return not explained.final.comparison.is_noise and bool(

@@ -1,12 +1,16 @@
 """Presses that stand apart: how long they are sought, and what is kept meanwhile."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.map.gaussian_map import GaussianMap, Inclusion
-from identify.select.presses_apart import hold_misfit
+from identify.select import presses_apart
+from identify.select.presses_apart import apart, hold_misfit
 from identify.select.settings import SELECTION
 
 
@@ -22,6 +26,30 @@ def test_presses_are_sought_on_only_while_the_new_ones_hold_half_of_the_misfit(
     residual[press < 3] += 20.0  # found before, whatever they hold
     found, again = np.arange(3), np.array([0, 1, 2, *(slipped or (9,))])
     assert hold_misfit(press, residual, found, again, SELECTION.elsewhere) is holds
+
+
+@pytest.mark.parametrize("theirs", [True, False])
+def test_several_effects_are_sought_without_presses_only_where_these_hold_the_misfit(
+    theirs, monkeypatch
+):
+    press, residual, tried = np.repeat(np.arange(20), 10), np.tile([1.2, -1.2], 100), []
+    residual[press == 7] *= 10.0 if theirs else 2.0
+    fit: Any = SimpleNamespace(
+        at=SimpleNamespace(residual=residual),
+        model=SimpleNamespace(readings=SimpleNamespace(press=press)),
+    )
+    start = SimpleNamespace(
+        fit=SimpleNamespace(field=None), model=SimpleNamespace(press_error=0.0), scan=None
+    )
+    others: Any = SimpleNamespace(start=start, settings=SELECTION)
+    monkeypatch.setattr(presses_apart, "whitened_fit", lambda *_: None)
+    monkeypatch.setattr(
+        presses_apart, "compare_residual", lambda *_: SimpleNamespace(bad_presses=(7,))
+    )
+    monkeypatch.setattr(presses_apart, "_suspected", lambda *_: [np.array([7])])
+    monkeypatch.setattr(presses_apart, "_settled", lambda others, found, one: tried.append(one))
+    assert apart(others, fit, (True, False)) is None
+    assert tried == ([True, False] if theirs else [True])
 
 
 def test_mechanics_that_forgot_other_maps_answer_as_before():

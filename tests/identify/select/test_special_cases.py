@@ -12,6 +12,7 @@ from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
 from identify.select.forward_selection import Policy, forward_selection
 from identify.select.reconsider import as_special_cases
+from identify.select.settings import SELECTION
 from identify.select.step import step_of
 from tests.identify.select.loop_problem import TRUE, mechanics, model, points, scan, timing
 
@@ -165,3 +166,32 @@ def test_the_ladder_leads_to_a_special_case_of_what_took_an_effect_s_place():
     assert set(found.final.fit.effect_names) == {"force_drift", "contact_offset"}
     assert found.ladder[1].fit.effect_names == ("contact_offset",)
     assert {"surface_tilt", "curved_surface"} <= set(found.dropped)
+
+
+def test_of_three_effects_beside_structure_a_quarter_is_asked_for_and_none_is_compared_again():
+    """Beside structure none is named: imitations of an unknown cause follow each other cheaply."""
+    table, *_ = beside_a_drift(slope=SLOPE)
+    swing_m = 1e-4 * np.sin(2 * np.pi * table.time_s / 7)
+    table = table.replace(displacement_m=table.displacement_m + swing_m)
+    order, least, compared = ("force_drift", "contact_offset", "surface_tilt"), [], []
+
+    def proposed(now, effects, say, exclude, settings):
+        fit = with_one(now.fit, order[len(now.fit.effect_names)])
+        return (Candidate(fit.effect_names[-1], fit.chi2, fit.bic, fit),)
+
+    def asked(before, after, share):
+        least.append(share)
+        return True
+
+    def looked(fit, accepted, say, last_too, settings):
+        compared.append(len(accepted))
+        return fit, list(accepted), {}
+
+    policy = Policy(propose=proposed, worthwhile=asked, prune=lambda fit, *_: (fit, []),
+                    compare=looked, goes_on=lambda ladder, *_: len(ladder) < 4)  # fmt: skip
+    found = forward_selection(model(table), TRUE, table, list(EFFECTS.values()), policy=policy)
+    assert not found.final.comparison.is_noise
+    assert len(found.accepted) == 3 or found.unknown
+    assert least[:3] == [SELECTION.worthwhile, SELECTION.worthwhile, SELECTION.third_worthwhile]
+    assert compared[:2] == [1, 2]
+    assert 3 not in compared

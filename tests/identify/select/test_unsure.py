@@ -84,6 +84,34 @@ def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_c
     assert "not for the last model" not in told
 
 
+@pytest.mark.parametrize("theirs", [True, False])
+def test_an_unexplained_scan_is_explained_again_only_without_presses_that_hold_its_misfit(
+    theirs, explained_case, monkeypatch
+):
+    case, rough = explained_case.problem, explained_case.explained.ladder[0]
+    press = rough.fit.model.readings.press
+    excess = np.bincount(press, rough.fit.at.residual**2 - 1)
+    order = np.argsort(excess)[::-1]
+    held = np.cumsum(excess[order]) / excess.sum()
+    most = order[: 1 + int(np.argmax(held > 0.6))] if theirs else order[:1]
+    ids = tuple(np.asarray(case.scan.press_ids)[most].tolist())
+    explained = replace(
+        explained_case.explained, verdict="unexplained", ladder=(bad(rough, *ids), rough)
+    )
+    assert explained.added == ()
+    assert not rough.comparison.is_noise
+    again = []
+
+    def started(*_):
+        again.append(True)
+        raise InputError("far enough")
+
+    monkeypatch.setattr(suspects, "_same_answer", lambda *_: None)
+    monkeypatch.setattr(suspects, "start_fit", started)
+    assert suspects.without_suspects(case, 0, explained) is None
+    assert bool(again) == theirs
+
+
 def test_structure_that_a_law_of_contact_may_leave_makes_its_cause_doubtful(
     explained_case, monkeypatch
 ):

@@ -292,7 +292,7 @@ def _refitted(
     kept = [a for a in accepted if a.name not in lost]
     named = selection.is_noise(fit) or within_laws(alone, fit, kept, settings)
     if len(kept) > 2 and not named:
-        return fit, kept, lost, {}
+        return None if replaces_map(now.fit, fit) else (fit, kept, lost, {})
     # Beside an effect since lost, the last one may have beaten candidates that do as well now
     fit, kept, exchanged = policy.compare(fit, kept, say, bool(lost), settings)
     if not lost and not exchanged:

@@ -83,7 +83,8 @@ def apart(others: Others, fit: FitResult, one_effect: Sequence[bool]) -> Rest | 
 
     None where no press stands apart, or the others have structure that no effect takes. Several
     effects, one after the other, would otherwise be fitted to a few presses that slipped. One
-    effect of the others is sought, or all: these take long where the map has another form.
+    effect of the others is sought, or all: these take long where the map has another form. None
+    either where the effects of all presses were sought, and most of the structure lies elsewhere.
 
     Parameters
     ----------
@@ -97,12 +98,16 @@ def apart(others: Others, fit: FitResult, one_effect: Sequence[bool]) -> Rest | 
     if not bad:
         return None
     try:
-        suspected, at = _suspected(others, fit, bad), fit.at
-        press, share = fit.model.readings.press, others.settings.elsewhere
+        found = presses_apart(fit.model, fit.at, others.settings.residual.trimmed)
+        worst = np.flatnonzero(np.isin(start.scan.press_ids, bad))
+        press, none = fit.model.readings.press, np.zeros(0, int)
+        few, share = np.union1d(found, worst), others.settings.elsewhere
+        # Structure of the others that all effects leave is there without these presses, too
+        if fit is not start.joint and not hold_misfit(press, fit.at.residual, none, few, share):
+            return None
+        suspected = _suspected(others, fit, found, worst)
         for one in one_effect:
             for found in suspected:
-                if not (one or hold_misfit(press, at.residual, found[:0], found, share)):
-                    continue  # what several effects leave of the others remains without these
                 rest = _settled(others, found, one)
                 if rest is not None:
                     return rest
@@ -137,19 +142,19 @@ def beside_free_map(others: Others, field: Field) -> Rest | None:
                 answer)  # fmt: skip
 
 
-def _suspected(others: Others, fit: FitResult, bad: tuple[int, ...]) -> list[np.ndarray]:
-    """Return presses (indices) that may stand apart: from the map alone, if that meets the others.
+def _suspected(
+    others: Others, fit: FitResult, found: np.ndarray, worst: np.ndarray
+) -> list[np.ndarray]:
+    """Return presses (indices) that may stand apart: those `found`, if the map meets the others.
 
-    Else those apart beside one effect of all, and the `bad` ones (ids), which no smooth pattern
+    Else those apart beside one effect of all, and the `worst` ones, which no smooth pattern
     accounts for.
     """
     start, trimmed = others.start, others.settings.residual.trimmed
-    found = presses_apart(fit.model, fit.at, trimmed)
     rest = others.without(_ids(start, found)) if len(found) else None
     if rest is not None and others.is_noise(rest.joint, rest):
         return [found]
     beside = presses_apart(fit.model, fit.at, trimmed, _one_effect(fit, others))
-    worst = np.flatnonzero(np.isin(start.scan.press_ids, bad))
     few = len(worst) <= (1 - trimmed.kept) * len(start.scan.press_ids)
     return [beside, worst] if few and not np.array_equal(beside, worst) else [beside]
 

@@ -28,9 +28,12 @@ def test_presses_are_sought_on_only_while_the_new_ones_hold_half_of_the_misfit(
     assert hold_misfit(press, residual, found, again, SELECTION.elsewhere) is holds
 
 
-@pytest.mark.parametrize("theirs", [True, False])
-def test_several_effects_are_sought_without_presses_only_where_these_hold_the_misfit(
-    theirs, monkeypatch
+@pytest.mark.parametrize(
+    ("theirs", "sought", "goes_on"),
+    [(True, True, True), (False, True, False), (False, False, True)],
+)
+def test_beside_effects_presses_are_left_out_only_where_they_hold_the_misfit(
+    theirs, sought, goes_on, monkeypatch
 ):
     press, residual, tried = np.repeat(np.arange(20), 10), np.tile([1.2, -1.2], 100), []
     residual[press == 7] *= 10.0 if theirs else 2.0
@@ -39,17 +42,19 @@ def test_several_effects_are_sought_without_presses_only_where_these_hold_the_mi
         model=SimpleNamespace(readings=SimpleNamespace(press=press)),
     )
     start = SimpleNamespace(
-        fit=SimpleNamespace(field=None), model=SimpleNamespace(press_error=0.0), scan=None
-    )
+        fit=SimpleNamespace(field=None), model=SimpleNamespace(press_error=0.0),
+        scan=SimpleNamespace(press_ids=np.arange(20)), joint=None if sought else fit,
+    )  # fmt: skip
     others: Any = SimpleNamespace(start=start, settings=SELECTION)
     monkeypatch.setattr(presses_apart, "whitened_fit", lambda *_: None)
     monkeypatch.setattr(
         presses_apart, "compare_residual", lambda *_: SimpleNamespace(bad_presses=(7,))
     )
+    monkeypatch.setattr(presses_apart, "presses_apart", lambda *_: np.array([3]))
     monkeypatch.setattr(presses_apart, "_suspected", lambda *_: [np.array([7])])
     monkeypatch.setattr(presses_apart, "_settled", lambda others, found, one: tried.append(one))
     assert apart(others, fit, (True, False)) is None
-    assert tried == ([True, False] if theirs else [True])
+    assert tried == ([True, False] if goes_on else [])
 
 
 def test_mechanics_that_forgot_other_maps_answer_as_before():

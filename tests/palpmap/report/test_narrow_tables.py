@@ -1,6 +1,8 @@
 """Tables as a terminal of 80 columns shows them: no word cut, no name broken within a word."""
 
 import io
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from rich.console import Console
 from identify.design import UndetectedBias
 from identify.fit import Spot
 from palpmap.report.draw import console
-from palpmap.result.field_tables import _spot_table
+from palpmap.result.field_tables import _rim, _spot_table
 from palpmap.result.records import ParameterRecord
 from palpmap.result.tables import Table, number, parameter_table
 
@@ -97,3 +99,22 @@ def test_nothing_is_cut_however_wide_the_terminal_is(width):
 
 def _texts(head) -> list[str]:
     return [getattr(column, "heading", column) for column in head]
+
+
+def test_spots_that_the_presses_do_not_reach_around_are_named_in_the_scan_s_frame():
+    x, y = np.meshgrid(np.linspace(0, 0.04, 5), np.linspace(0, 0.03, 4))
+    pressed = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    across, origin = np.array([[25.0, 0, 0], [0, 25.0, 0]]), np.array([0.1, 0, 0])
+
+    def spot(x_m, y_m, probability=0.99, diameter_m=0.01) -> Any:
+        return SimpleNamespace(
+            x_m=x_m, y_m=y_m, z_m=-0.004, diameter_m=diameter_m, probability=probability
+        )
+
+    inside, cut, unsure = spot(0.02, 0.015), spot(0.004, 0.01), spot(0.05, 0.01, 0.6)
+    name, says = _rim([inside, cut, unsure], pressed, across, origin)
+    assert name == "at the rim"
+    assert "(104.0, 10.0) mm" in says
+    assert "124" not in says
+    assert _rim([inside, unsure], pressed, across, origin) == ()
+    assert _rim([inside], pressed[:5], across, origin)  # presses in one line reach around nothing

@@ -127,6 +127,8 @@ def after_fit(finding: Finding, study: Path) -> tuple[str, ...]:
             "The search did not end: this map is no result. Next: state the noise of the readings "
             "under [noise], or length_m and spread under [map].",
         )
+    if not is_noise:
+        return after_diagnosis(False, study)
     return ("Next: open map.vti of the run folder in ParaView.",)
 
 

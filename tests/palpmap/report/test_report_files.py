@@ -314,6 +314,20 @@ def test_the_step_after_a_bad_reading_leaves_it_out(tmp_path):
     assert f"press {good.scan.press[row]};" in step
 
 
+@pytest.mark.parametrize(
+    ("is_noise", "ended", "step"),
+    [(True, True, "map.vti"), (False, True, "explain"), (False, False, "state the noise")],
+)
+def test_the_step_after_a_free_map_is_to_look_at_it_only_if_it_explains_the_scan(
+    is_noise, ended, step, tmp_path
+):
+    good = load_finding(make_run(tmp_path / "run"))
+    fit: Any = SimpleNamespace(field=object(), success=ended)
+    comparison = replace(good.comparison, is_noise=is_noise)
+    (said,) = after_fit(replace(good, fit=fit, comparison=comparison), tmp_path / "study.toml")
+    assert step in said
+
+
 def test_without_a_truth_the_report_stands_and_names_none(tmp_path):
     finding = load_finding(make_run(tmp_path / "run", truth=False))
     picture = png(draw_map(finding))

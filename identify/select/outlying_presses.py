@@ -23,7 +23,7 @@ from identify.residual.comparison import Comparison
 from identify.select.accepted_effect import AcceptedEffect, at_bound
 from identify.select.explanation import Explanation, Verdict
 from identify.select.first_step import selected, with_exact_map
-from identify.select.presses_apart import Others, apart, beside_free_map, told
+from identify.select.presses_apart import Others, apart, beside_free_map, hold_misfit, told
 from identify.select.reconsider import reconsider, without_unneeded
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit, measurement_model, start_fit
@@ -139,7 +139,8 @@ def _same_answer(
     structured = not explained.final.comparison.is_noise
     if structured and not _lies_elsewhere(start, explained, presses, settings):
         return None
-    same = _of_others(start.scan, presses)
+    others = ~np.isin(start.scan.press, presses)
+    same = others[start.scan.in_contact]
     fewer = start.experiment.without(presses, refill=False)
     model = measurement_model(fewer.scan, fewer.body, start.fit)
     again = confirmed(explained, model, fewer.scan, same, fewer.say, settings)
@@ -149,20 +150,14 @@ def _same_answer(
     return replace(WithoutSuspects.of(presses, explained), fit=fit, comparison=comparison)
 
 
-def _of_others(scan: Scan, presses: tuple[int, ...]) -> np.ndarray:
-    """Mask (m,) of the readings in contact of all presses but these (ids)."""
-    return ~np.isin(scan.press, presses)[scan.in_contact]
-
-
 def _lies_elsewhere(
     start: StartFit, explained: Explanation, presses: tuple[int, ...], settings: SelectionSettings
 ) -> bool:
     """Return True where an explanation leaves structure, most of it outside these presses."""
-    excess = explained.final.fit.at.residual**2 - 1
-    outside = excess[_of_others(start.scan, presses)].sum()
-    return not explained.final.comparison.is_noise and bool(
-        outside >= settings.elsewhere * excess.sum()
-    )
+    fit, indices = explained.final.fit, np.flatnonzero(np.isin(start.scan.press_ids, presses))
+    press, none = fit.model.readings.press, np.zeros(0, int)
+    theirs = hold_misfit(press, fit.at.residual, none, indices, settings.elsewhere)
+    return not (explained.final.comparison.is_noise or theirs)
 
 
 def suspects_left(explained: Explanation, without: WithoutSuspects | None) -> tuple[int, ...]:

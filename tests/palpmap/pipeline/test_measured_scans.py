@@ -17,6 +17,7 @@ from identify.select.start_fit import contact_law_of
 from models.scan_file import read_scan, write_scan
 from palpmap import api
 from palpmap.experiment import Experiment, read_study
+from palpmap.importing.new import Facts, new_study
 from palpmap.study.open_study import open_study
 from palpmap.study.study import About, Body, Map, Probe, Study, load_study
 from sim.bench.planted_scan import planted_scan
@@ -107,34 +108,14 @@ def test_a_noisy_scan_of_a_curved_phantom_ends_with_its_contact_law_and_no_effec
     )
 
 
-AS_NEW_MAKES_IT = """
-[study]
-name = "balls"
-scan = "scan.csv"
-
-[body]
-shape = "from-contacts"
-thickness_m = 0.03
-thickness_assumed = true
-poisson_ratio = 0.49
-
-[probe]
-tip = "sphere"
-radius_m = 0.00316
-
-[map]
-kind = "free"
-"""
-
-
 @pytest.mark.slow
 def test_two_small_balls_and_the_touch_are_found_in_a_scan_as_a_stranger_has_it(tmp_path):
     source = REAL / "arma_small_balls" / "scan.csv"
     if not source.is_file():
         pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
-    shutil.copy(source, tmp_path)
-    (tmp_path / "study.toml").write_text(AS_NEW_MAKES_IT)
-    explained = api.explain(read_study(tmp_path / "study.toml"))
+    known = Facts(tip="sphere", poisson_ratio=0.49, thickness_m=0.03, thickness_assumed=True)
+    study, _ = new_study(source, tmp_path / "balls", known)
+    explained = api.explain(read_study(study))
     assert explained.verdict == "ambiguous"
     final = explained.final.fit
     assert final.success

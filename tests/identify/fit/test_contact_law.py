@@ -16,7 +16,7 @@ from fem import Contacts
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
-from identify.fit.contact_law import _best, contact_law
+from identify.fit.contact_law import _best, _near, contact_law
 from identify.fit.free_compliance import FreeCompliance, _in_logarithms
 from identify.fit.free_compliance_fit import straightened
 from identify.fit.settings import CONTACT_LAW
@@ -277,27 +277,45 @@ def test_a_law_that_differs_from_place_to_place_is_that_of_some_presses_alone(al
     assert law.partial.misfit < 0.5 * law.plain.misfit
 
 
+def _law(names, misfit, noise_share, unknowns):
+    parts = [SimpleNamespace(effect=CATALOGUE[name]) for name in names]
+    return SimpleNamespace(
+        parts=parts, names=names, misfit=float(misfit), noise_share=noise_share, unknowns=unknowns,
+        dof=900, felt=np.ones(60, bool), residual=np.zeros(1000),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("misfit", "noise_share", "best"),
     [(905, 0.95, "strain_stiffening"),  # 0.4 % of the excess behind, in nearly as many presses
      (990, 0.95, "free_stiffening"), (905, 0.85, "free_stiffening")],
 )  # fmt: skip
 def test_a_free_form_must_take_more_than_laws_are_right_to(misfit, noise_share, best):
-    def fit(names, misfit, noise_share, unknowns):
-        parts = [SimpleNamespace(effect=CATALOGUE[name]) for name in names]
-        return SimpleNamespace(
-            parts=parts, misfit=float(misfit), noise_share=noise_share, unknowns=unknowns, dof=900,
-            residual=np.zeros(1000),
-        )  # fmt: skip
-
     own = {
         ("strain_stiffening", "touch_threshold"): (misfit, noise_share, 2),
         ("free_stiffening", "touch_threshold"): (875, 0.98, 5),
         ("touch_threshold",): (1350, 0.78, 1),
     }
-    fits = {names: fit(names, *numbers) for names, numbers in own.items()}
-    found = _best(fit((), 7800, 0.0, 0), fits, CONTACT_LAW)
+    fits = {names: _law(names, *numbers) for names, numbers in own.items()}
+    found = _best(_law((), 7800, 0.0, 0), fits, CONTACT_LAW)
     assert [part.effect.name for part in found.parts] == [best, "touch_threshold"]
+
+
+@pytest.mark.parametrize(
+    ("misfit", "noise_share", "best"),
+    [(1400, 0.95, "spherical_tip"),  # 8 % of the excess behind, in nearly as many presses
+     (1700, 0.95, "free_stiffening"), (1400, 0.9, "free_stiffening")],
+)  # fmt: skip
+def test_a_textbook_law_of_another_cause_stands_before_a_free_form(misfit, noise_share, best):
+    own = {
+        ("spherical_tip", "touch_threshold"): (misfit, noise_share, 2),
+        ("free_stiffening", "touch_threshold"): (875, 0.98, 5),
+        ("touch_threshold",): (2500, 0.78, 1),
+    }
+    plain, fits = _law((), 7800, 0.0, 0), {n: _law(n, *numbers) for n, numbers in own.items()}
+    found = _best(plain, fits, CONTACT_LAW)
+    assert found.parts[0].effect.name == best
+    assert best in {names[0] for names in _near(plain, fits, CONTACT_LAW)}
 
 
 def test_the_range_of_a_touch_is_that_of_laws_that_explain_nearly_as_much(late_ball):

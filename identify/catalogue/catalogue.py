@@ -25,6 +25,7 @@ from identify.catalogue.force_saturation import ForceSaturation
 from identify.catalogue.force_wander import ForceWander
 from identify.catalogue.force_warm_up import ForceWarmUp
 from identify.catalogue.free_loop import FreeLoop
+from identify.catalogue.free_preconditioning import FreePreconditioning
 from identify.catalogue.free_saturation import FreeSaturation
 from identify.catalogue.free_stiffening import FreeStiffening
 from identify.catalogue.guide_friction import GuideFriction
@@ -86,6 +87,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         SideCreep(),
         Preconditioning(),
         PreconditioningNearby(),
+        FreePreconditioning(),
         Hysteresis(),
         Play(),
         FreeLoop(),

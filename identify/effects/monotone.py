@@ -19,6 +19,25 @@ _AREAS = np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6])  # of the hats
 _NODES, _WEIGHTS = (array / 2 for array in np.polynomial.legendre.leggauss(16))
 
 
+def risen(level: np.ndarray, rises: Sequence[float]) -> np.ndarray:
+    """Rise S (m,) at levels (m,) in [0, 1].
+
+    Parameters
+    ----------
+    rises : one for each of `PLACES`, >= 0
+
+    >>> risen(np.array([0.0, 0.5, 1.0]), (1 / 6, 1 / 3, 1 / 3, 1 / 6)).round(9)
+    array([0. , 0.5, 1. ])
+    """
+    knots = np.linspace(0.0, 1.0, len(PLACES))
+    slopes = np.asarray(rises, float) / _AREAS
+    before = np.concatenate([[0.0], np.cumsum((slopes[1:] + slopes[:-1]) / 2 * np.diff(knots))])
+    piece = np.clip(np.searchsorted(knots, level, "right") - 1, 0, len(knots) - 2)
+    x = level - knots[piece]
+    growth = np.diff(slopes) / np.diff(knots)
+    return before[piece] + slopes[piece] * x + growth[piece] * x**2 / 2
+
+
 def bent(level: np.ndarray, rises: Sequence[float], stiffer: bool) -> np.ndarray:
     """Integral (m,) from 0 to a level (m,) of 1 / (1 + S), or of 1 + S.
 

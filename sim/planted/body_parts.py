@@ -32,7 +32,7 @@ from sim.planted.contact import STIFFENED, levelling, sphere_travel
 from sim.planted.foreign_forms import of_locking, of_square, of_toe, rising
 from sim.planted.instrument_in_loop import PlantScene
 from sim.planted.jumps import on_side
-from sim.planted.response import half_space_nearness, softened_nearby
+from sim.planted.response import half_space_nearness, hyperbola, softened_nearby
 
 Values = Mapping[str, float]
 TABLE = 40
@@ -243,6 +243,9 @@ PARTS: Mapping[str, Callable[[PlantScene, Values], Part]] = {
     "form_late_loop": lambda s, v: Loop(lambda x: v["share"] * x * (1 - x) ** 2),
     "preconditioning": lambda s, v: Softening(_softens(v), s.presses_before),
     "preconditioning_nearby": _softens_nearby,
+    "free_preconditioning": lambda s, v: Softening(
+        lambda k: v["share"] * hyperbola(k), s.presses_before
+    ),
     "form_slow_preconditioning": lambda s, v: Softening(
         lambda k: v["share"] * (1 - 1 / math.sqrt(1 + k / 4)), s.presses_before
     ),

@@ -27,6 +27,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         body.poisson_ratio,
         response.preconditioning,
         response.preconditioning_nearby,
+        response.free_preconditioning,
         response.hysteresis,
         response.play,
         response.several_plays,

@@ -15,7 +15,7 @@ from sim.planted.jumps import border
 from sim.planted.response import follow, lag_behind, recovering
 
 CREEP = ("viscoelasticity", "two_time_creep", "power_law_creep", "creep_recovery")
-SOFTENING = ("preconditioning", "preconditioning_nearby")
+SOFTENING = ("preconditioning", "preconditioning_nearby", "free_preconditioning")
 LOOP = ("hysteresis", "play", "free_loop", "several_plays")
 GAIN = ("sensitivity_drift", "sensitivity_wander")
 STIFFENING = ("strain_stiffening", "free_stiffening")

@@ -184,6 +184,18 @@ def preconditioning_nearby(bench, travel_m, values):
     return travel_m * (1 + softened_nearby(bench.points_m, values))[:, None]
 
 
+@on_response("structured", "u (1 + share k/(k + 8)), k = 0, 1, ... the press's number", "share",
+             0.05, limit=3.0)  # fmt: skip
+def free_preconditioning(bench, travel_m, values):
+    """Softening that begins at once and dies away slowly, as by a bond broken now and then."""
+    return travel_m * (1 + values["share"] * hyperbola(np.arange(len(travel_m))))[:, None]
+
+
+def hyperbola(order):
+    """Return the share of all softening after so many presses."""
+    return order / (order + 8.0)
+
+
 @on_response("structured", "(1 - share) u + share play(u)", "share", 0.2, limit=1.0,
              draw=_log_uniform("width", 0.04, 0.2))  # fmt: skip
 def play(bench, travel_m, values):

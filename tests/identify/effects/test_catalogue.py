@@ -22,7 +22,7 @@ NAMES = (
     "displacement_jump", "several_plays", "preconditioning_nearby", "breathing_harmonics",
     "breathing_harmonics_from_touch", "creep_recovery", "breathing_drifting",
     "sensitivity_wander", "free_stiffening", "free_saturation", "side_creep",
-    "curved_surface", "uneven_surface", "surface_bump",
+    "curved_surface", "uneven_surface", "surface_bump", "free_preconditioning",
 )  # fmt: skip
 
 

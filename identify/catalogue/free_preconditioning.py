@@ -80,5 +80,5 @@ class FreePreconditioning(Effect):
 
 
 def _level(readings: Readings) -> np.ndarray:
-    """Logarithm of each press's number over that of the last, (j,)."""
-    return np.log1p(readings.order) / np.log1p(max(readings.presses_made - 1, 1))
+    """Logarithm of each press's number over that of the scan's last, (j,)."""
+    return np.log1p(readings.order) / np.log1p(max(readings.scales.presses - 1, 1))

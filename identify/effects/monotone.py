@@ -20,22 +20,24 @@ _NODES, _WEIGHTS = (array / 2 for array in np.polynomial.legendre.leggauss(16))
 
 
 def risen(level: np.ndarray, rises: Sequence[float]) -> np.ndarray:
-    """Rise S (m,) at levels (m,) in [0, 1].
+    """Rise S (m,) at levels (m,) of 0 and more; beyond 1 with its last slope.
 
     Parameters
     ----------
     rises : one for each of `PLACES`, >= 0
 
-    >>> risen(np.array([0.0, 0.5, 1.0]), (1 / 6, 1 / 3, 1 / 3, 1 / 6)).round(9)
-    array([0. , 0.5, 1. ])
+    >>> risen(np.array([0.0, 0.5, 2.0]), (1 / 6, 1 / 3, 1 / 3, 1 / 6)).round(9)
+    array([0. , 0.5, 2. ])
     """
     knots = np.linspace(0.0, 1.0, len(PLACES))
     slopes = np.asarray(rises, float) / _AREAS
     before = np.concatenate([[0.0], np.cumsum((slopes[1:] + slopes[:-1]) / 2 * np.diff(knots))])
-    piece = np.clip(np.searchsorted(knots, level, "right") - 1, 0, len(knots) - 2)
-    x = level - knots[piece]
+    within = np.minimum(level, 1.0)
+    piece = np.clip(np.searchsorted(knots, within, "right") - 1, 0, len(knots) - 2)
+    x = within - knots[piece]
     growth = np.diff(slopes) / np.diff(knots)
-    return before[piece] + slopes[piece] * x + growth[piece] * x**2 / 2
+    rise = before[piece] + slopes[piece] * x + growth[piece] * x**2 / 2
+    return rise + slopes[-1] * (level - within)
 
 
 def bent(level: np.ndarray, rises: Sequence[float], stiffer: bool) -> np.ndarray:

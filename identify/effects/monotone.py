@@ -20,24 +20,25 @@ _NODES, _WEIGHTS = (array / 2 for array in np.polynomial.legendre.leggauss(16))
 
 
 def risen(level: np.ndarray, rises: Sequence[float]) -> np.ndarray:
-    """Rise S (m,) at levels (m,) of 0 and more; beyond 1 with its last slope.
+    """Rise S (m,) at levels (m,), constant from 1 on.
 
     Parameters
     ----------
-    rises : one for each of `PLACES`, >= 0
+    rises : by the hats of the slope at even knots from 0 to 1, >= 0
 
-    >>> risen(np.array([0.0, 0.5, 2.0]), (1 / 6, 1 / 3, 1 / 3, 1 / 6)).round(9)
-    array([0. , 0.5, 2. ])
+    >>> risen(np.array([0.0, 0.5, 1.0, 2.0]), (0.25, 0.5, 0.25))
+    array([0. , 0.5, 1. , 1. ])
     """
-    knots = np.linspace(0.0, 1.0, len(PLACES))
-    slopes = np.asarray(rises, float) / _AREAS
-    before = np.concatenate([[0.0], np.cumsum((slopes[1:] + slopes[:-1]) / 2 * np.diff(knots))])
-    within = np.minimum(level, 1.0)
+    knots = np.linspace(0.0, 1.0, len(rises))
+    width = knots[1]
+    areas = np.full(len(rises), width)
+    areas[[0, -1]] /= 2
+    slopes = np.asarray(rises, float) / areas
+    before = np.append(0.0, np.cumsum((slopes[1:] + slopes[:-1]) / 2 * width))
+    within = np.clip(level, 0.0, 1.0)
     piece = np.clip(np.searchsorted(knots, within, "right") - 1, 0, len(knots) - 2)
     x = within - knots[piece]
-    growth = np.diff(slopes) / np.diff(knots)
-    rise = before[piece] + slopes[piece] * x + growth[piece] * x**2 / 2
-    return rise + slopes[-1] * (level - within)
+    return before[piece] + (slopes[piece] + np.diff(slopes)[piece] / width * x / 2) * x
 
 
 def bent(level: np.ndarray, rises: Sequence[float], stiffer: bool) -> np.ndarray:

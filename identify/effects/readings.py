@@ -27,7 +27,6 @@ class Scales:
     depth : largest travel over the tip's radius
     time_s, pace_s, press_s : length of the scan, mean time from one press to the next, and longest
         time from a touch to a reading of its press; 0 for a scan without time
-    presses : made up to the last
     middle_m : (3,) middle of the contact points' box
     across : (2, 3) the widest directions of the points, over their largest distance from the middle
         along an axis
@@ -38,7 +37,6 @@ class Scales:
     time_s: float
     pace_s: float
     press_s: float
-    presses: int
     middle_m: np.ndarray
     across: np.ndarray
 
@@ -132,7 +130,6 @@ class Readings:
             time_s=length_s,
             pace_s=length_s / self.presses,
             press_s=float(self.since_touch_s.max()) if timed else 0.0,
-            presses=self.presses_made,
             middle_m=middle,
             across=widest / max(float(np.abs(centres - middle).max()), 1e-300),
         )

@@ -66,6 +66,20 @@ def yielding(d, f, t, phase, press):
     return d, f - 0.15 * np.maximum(f - 0.6 * f.max(), 0)
 
 
+def settling(d, f, t, phase, press):
+    """Softening by the same step a press, for eight presses, and then none."""
+    return d * (1 + 0.15 * np.minimum(press / 8, 1)), f
+
+
+def test_softening_that_ends_at_once_is_no_wander_of_the_sensor():
+    table = planted(8, settling)
+    found = forward_selection(model(table), TRUE, table, list(CATALOGUE))
+    groups = [[name] for name in found.added] + list(found.ambiguous)
+    assert len(groups) == 1
+    assert "preconditioning" in {CATALOGUE[name].family for name in groups[0]}
+    assert found.final.fit.chi2_per_dof < 1.2
+
+
 @pytest.mark.parametrize(
     ("change", "family"),
     [

@@ -17,6 +17,7 @@ from identify.catalogue.displacement_drift import DisplacementDrift
 from identify.catalogue.displacement_jump import DisplacementJump
 from identify.catalogue.displacement_wander import DisplacementWander
 from identify.catalogue.extra_inclusion import ExtraInclusion
+from identify.catalogue.filtered_force import FilteredForce
 from identify.catalogue.finite_strain import FiniteStrain
 from identify.catalogue.force_bias import ForceBias
 from identify.catalogue.force_drift import ForceDrift
@@ -93,6 +94,7 @@ CATALOGUE: Catalogue[Effect] = Catalogue(
         FreeLoop(),
         SeveralPlays(),
         TimeLag(),
+        FilteredForce(),
         ToolCompliance(),
         ForceBias(),
         GuideFriction(),

@@ -45,6 +45,7 @@ HIDDEN: Catalogue[HiddenEffect] = Catalogue(
         instrument.force_wander,
         jumps.force_jump,
         instrument.time_lag,
+        instrument.filtered_force,
         instrument.sensitivity_drift,
         instrument.sensitivity_wander,
         instrument.force_saturation,

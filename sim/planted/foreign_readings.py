@@ -16,6 +16,7 @@ from sim.planted.instrument import first_largest, largest_n
 from sim.planted.response import follow, lag_behind
 
 FORCE_ZERO = ("force_drift", "force_warm_up", "force_wander", "force_jump")
+LATE = ("time_lag", "filtered_force")
 GAIN = ("sensitivity_drift", "sensitivity_wander")
 SATURATION = ("force_saturation", "free_saturation")
 TRAVEL_ZERO = ("displacement_drift", "displacement_wander", "displacement_jump")
@@ -173,14 +174,6 @@ def form_calming_breathing(bench, force_n, travel_m, values):
     return force_n, travel_m + values["amplitude_m"] * calming(bench.time_s, values)
 
 
-@on_sensor("form", "force through a low-pass of first order", "delay_s", 0.04, limit=0.5,
-           kin=("time_lag",))  # fmt: skip
-def form_filtered_force(bench, force_n, travel_m, values):
-    """A filter in the sensor's amplifier."""
-    tau = values["delay_s"]
-    return (follow(force_n, bench.within_s, tau) if tau else force_n), travel_m
-
-
 def resting(time_s: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
     """Upper half of a tone of amplitude 1, less its mean; the lower half is a rest."""
     angle = 2 * np.pi * values["frequency_hz"] * time_s + values["phase_rad"]
@@ -197,7 +190,7 @@ def form_resting_breathing(bench, force_n, travel_m, values):
 
 
 @on_sensor("form", "force through two low-passes of first order", "delay_s", 0.04, limit=0.5,
-           kin=("time_lag",))  # fmt: skip
+           kin=LATE)  # fmt: skip
 def form_twice_filtered_force(bench, force_n, travel_m, values):
     """A filter in the sensor and one in the amplifier, of half the delay each."""
     tau = values["delay_s"] / 2
@@ -206,7 +199,7 @@ def form_twice_filtered_force(bench, force_n, travel_m, values):
 
 
 @on_sensor("form", "mean of the force over the last 2 delay", "delay_s", 0.04, limit=0.5,
-           kin=("time_lag",))  # fmt: skip
+           kin=LATE)  # fmt: skip
 def form_averaged_force(bench, force_n, travel_m, values):
     """A converter that averages the samples of a window."""
     window = 2 * values["delay_s"]
@@ -230,7 +223,6 @@ FORMS_OF_THE_INSTRUMENT = (
     form_pointed_breathing,
     form_calming_breathing,
     form_resting_breathing,
-    form_filtered_force,
     form_twice_filtered_force,
     form_averaged_force,
 )

@@ -9,6 +9,7 @@ import numpy as np
 from sim.planted.bench import Bench
 from sim.planted.contact import levelling
 from sim.planted.effect import Draw, any_direction, on_sensor
+from sim.planted.response import follow
 
 
 def first_largest(bench: Bench, rng: np.random.Generator) -> dict[str, float]:
@@ -115,6 +116,13 @@ def time_lag(bench, force_n, travel_m, values):
     rows = zip(earlier, bench.within_s, force_n, strict=True)
     late = [np.interp(wanted, known, force, left=0.0) for wanted, known, force in rows]
     return np.array(late), travel_m
+
+
+@on_sensor("structured", "force through a low-pass of first order", "delay_s", 0.04, limit=0.5)
+def filtered_force(bench, force_n, travel_m, values):
+    """A filter in the sensor's amplifier."""
+    tau = values["delay_s"]
+    return (follow(force_n, bench.within_s, tau) if tau else force_n), travel_m
 
 
 @on_sensor("structured", "force + zero (1 - exp(-t/time_constant))", "zero_n", 0.02,

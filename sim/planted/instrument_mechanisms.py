@@ -239,7 +239,7 @@ SINKING: Mapping[str, Callable[[PlantScene, Values], Course]] = {
 OTHERS: Mapping[str, Callable[[str, PlantScene, Values], Mechanism]] = {
     "force_bias": _bias,
     "time_lag": _late,
-    "form_filtered_force": _filtered,
+    "filtered_force": _filtered,
     "form_twice_filtered_force": _twice_filtered,
     "form_averaged_force": _averaged,
     "form_guide_friction": _guide,

@@ -34,7 +34,7 @@ TOLERANCE = {"form_fat_loop": 0.04}  # a corner with an infinite slope at the tu
 """Largest difference to the formula, of the effect's own largest; 2 % for all others."""
 
 AS_TYPICAL = (
-    "force_saturation", "time_lag", "form_filtered_force", "form_guide_friction", "form_fat_loop",
+    "force_saturation", "time_lag", "filtered_force", "form_guide_friction", "form_fat_loop",
     "free_loop", "form_full_range_sensor", "form_twice_filtered_force", "form_averaged_force",
     "form_loaded_amplifier", "hysteresis",
 )  # fmt: skip

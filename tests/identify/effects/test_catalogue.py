@@ -23,6 +23,7 @@ NAMES = (
     "breathing_harmonics_from_touch", "creep_recovery", "breathing_drifting",
     "sensitivity_wander", "free_stiffening", "free_saturation", "side_creep",
     "curved_surface", "uneven_surface", "surface_bump", "free_preconditioning",
+    "filtered_force",
 )  # fmt: skip
 
 
@@ -72,7 +73,7 @@ def test_effects_that_can_only_go_one_way_are_known():
         "viscoelasticity", "preconditioning", "hysteresis", "spherical_tip", "strain_stiffening",
         "base_compliance", "base_sliding", "tool_compliance", "force_saturation",
         "touch_threshold", "rigid_tip", "power_law_creep", "play", "local_creep",
-        "preconditioning_nearby", "creep_recovery", "side_creep",
+        "preconditioning_nearby", "creep_recovery", "side_creep", "filtered_force",
     }  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from scipy import integrate
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
@@ -357,26 +358,61 @@ def test_saturation_undoes_clipping_where_few_readings_are_clipped():
     assert fitted_loss(true, read) < 1e-3
 
 
+def slow_press(soft_s: float, channel):
+    """Readings of one press through a force channel, and the true force at each.
+
+    A ramp of 1 s, a hold of 2 s and the way back; the ramps begin and end within `soft_s`.
+    """
+    dense = np.arange(-1000, 4101) * 1e-3
+    ends = [0, soft_s, 1 - soft_s, 1, 3, 3 + soft_s, 4 - soft_s, 4]
+    rate = np.interp(dense, ends, [0, 1, 1, 0, 0, -1, -1, 0])
+    if not soft_s:
+        rate = 1.0 * (dense > 0) - (dense >= 1) - (dense >= 3) + (dense >= 4)
+    course = 0.3 * np.cumsum(rate) * 1e-3 / (1 - soft_s)
+    time = np.r_[np.arange(1, 9) / 8, 1 + np.arange(1, 9) / 4, 3 + np.arange(1, 7) / 6]
+    own = readings(
+        time_s=tuple(time), force_n=tuple(np.interp(time, dense, channel(dense, course))),
+        phase=("load",) * 8 + ("hold",) * 8 + ("unload",) * 6,
+    )  # fmt: skip
+    return own, np.interp(time, dense, course)
+
+
 @pytest.mark.parametrize("lag", [0.03, -0.03])
 @pytest.mark.parametrize("soft_s", [0.0, 0.1])
 def test_a_lag_is_undone_where_ramps_end_sharply_and_where_they_end_softly(soft_s, lag):
-    dense = np.arange(-100, 4101) * 1e-3
-    rate = np.interp(
-        dense, [0, soft_s, 1 - soft_s, 1, 3, 3 + soft_s, 4 - soft_s, 4, 4 + 1e-9],
-        [1e-9, 1, 1, 0, 0, -1, -1, 0, 0] if soft_s else [1, 1, 1, 1, -1, -1, -1, -1, 0],
-    )  # fmt: skip
-    if not soft_s:
-        rate = np.where(dense <= 0, 0, np.where(dense < 1, 1, np.where(dense < 3, 0, rate)))
-    course = 0.3 * np.cumsum(rate) * 1e-3 / (1 - soft_s)
-    time = np.r_[np.arange(1, 9) / 8, 1 + np.arange(1, 9) / 4, 3 + np.arange(1, 7) / 6]
-    true = np.interp(time, dense, course)
-    own = readings(
-        time_s=tuple(time), force_n=tuple(np.interp(time - lag, dense, course)),
-        phase=("load",) * 8 + ("hold",) * 8 + ("unload",) * 6,
-    )  # fmt: skip
+    own, true = slow_press(soft_s, lambda t, f: np.interp(t - lag, t, f))
     found = CATALOGUE["time_lag"].force(own, own.force_n, lag_s=lag)
     assert np.abs(own.force_n - true).max() > 0.008
     assert_allclose(found, true, atol=0.0025)
+
+
+def low_pass(force_n, tau_s):
+    kept = np.exp(-1e-3 / tau_s)
+    return lfilter([1 - kept], [1, -kept], force_n)
+
+
+@pytest.mark.parametrize(
+    ("channel", "share"),
+    [
+        (lambda t, f: low_pass(f, 0.1), 1.0),
+        (lambda t, f: low_pass(low_pass(f, 0.05), 0.05), 0.75),  # the second moments are equal
+        (lambda t, f: np.convolve(f, np.full(201, 1 / 201))[: len(f)], 0.6),
+    ],
+    ids=["first order", "two stages", "mean"],
+)
+@pytest.mark.parametrize("soft_s", [0.0, 0.1])
+def test_a_filter_is_undone_better_than_by_a_lag(channel, share, soft_s):
+    own, true = slow_press(soft_s, channel)
+
+    def error(name, lag_s, **values):
+        found = CATALOGUE[name].force(own, own.force_n, lag_s=lag_s, **values)
+        return np.sqrt(np.mean((found - true) ** 2))
+
+    of_lag = min(error("time_lag", lag) for lag in np.linspace(0.08, 0.11, 31))
+    of_filter = error("filtered_force", 0.1, share=share)
+    assert np.sqrt(np.mean((own.force_n - true) ** 2)) > 0.02
+    assert of_filter < 0.0015
+    assert of_filter < 0.7 * of_lag
 
 
 def test_breathing_in_step_with_the_presses_is_no_candidate():

@@ -10,7 +10,8 @@ from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.readings import Readings
 from identify.effects.units import percent
 
-_SHARES = (0.25, 0.5, 0.75, 1.0)
+_LEAST = 0.3  # as of eleven equal stages: hardly different from a pure delay, which is `time_lag`
+_SHARES = (0.3, 0.5, 0.75, 1.0)
 
 
 class FilteredForce(Effect):
@@ -41,17 +42,18 @@ class FilteredForce(Effect):
     cure = "Widen the filter's band, press slowly, and hold before each reading."
     parameters = (
         EffectParameter("lag_s", "s", "delay of the force channel", 0.0, 0.0, 0.5, 0.02),
-        EffectParameter("share", "1", "share of it that is the low-pass's", None, 0.05, 1.0, 0.5),
-    )
+        EffectParameter("share", "1", "share of it that is the low-pass's", None, _LEAST, 1.0, 0.5,
+                        natural="both"),
+    )  # fmt: skip
     needs = ("time", "several forces")
     contains = ("time_lag",)
     examples = (
         WorkedExample(
             "The force rises by 0.1 N/s from a touch at t = 0; long after it, a reading 0.5 s late "
             "is 0.05 N low, whatever makes it late.",
-            {"lag_s": 0.5, "share": 0.1},
-            {"time_s": (4.0, 5.0, 6.0), "force_n": (0.4, 0.5, 0.6)},
-            {"force_n": (0.45, 0.55, 0.65)},
+            {"lag_s": 0.5, "share": 0.3},
+            {"time_s": (8.0, 9.0, 10.0), "force_n": (0.8, 0.9, 1.0)},
+            {"force_n": (0.85, 0.95, 1.05)},
         ),
     )
 

@@ -256,7 +256,8 @@ def _simplest(
     """Return the set with the fewest parameters among those of the causes of one that do as well.
 
     A form of several numbers follows the error of the laws, too, and beside a map it takes the
-    place of the compliances.
+    place of the compliances. Where it leaves noise, though, and the simpler one does not, there is
+    no such error.
     """
     least = top.noise_share - settings.fewer
     alike = [
@@ -266,7 +267,8 @@ def _simplest(
         and fit.misfit <= top.misfit + slack
         and fit.noise_share >= least
     ]
-    return min(alike, key=lambda fit: (fit.unknowns, fit.misfit))
+    calm = [f for f in alike if f.misfit < f.dof + settings.noise_sd * np.sqrt(2 * f.dof)]
+    return min(calm or alike, key=lambda fit: (fit.unknowns, fit.misfit))
 
 
 def _textbook(

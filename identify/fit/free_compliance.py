@@ -295,7 +295,9 @@ def _at_bound(parts: Sequence[EffectInModel], values: Mapping[str, Values]) -> t
         for p in part.parameters:
             own = values[part.effect.name][p.name]
             slack = 1e-9 * (p.upper - p.lower)
-            ends = [b for b in (p.lower, p.upper) if b != p.null]
+            searched = [b for side, b in (("lower", p.lower), ("upper", p.upper))
+                        if p.natural not in (side, "both")]  # fmt: skip
+            ends = [b for b in searched if b != p.null]
             if any(abs(own - b) <= slack for b in ends):
                 held.append(f"{part.effect.name}.{p.name}")
     return tuple(held)

@@ -301,6 +301,15 @@ def test_a_free_form_must_take_more_than_laws_are_right_to(misfit, noise_share, 
     assert [part.effect.name for part in found.parts] == [best, "touch_threshold"]
 
 
+@pytest.mark.parametrize(("misfit", "best"), [(1020, "time_lag"), (1040, "filtered_force")])
+def test_a_simpler_form_that_leaves_structure_gives_way_to_one_that_leaves_noise(misfit, best):
+    """Both lie within what laws are right to; noise of 900 degrees of freedom ends at 1027."""
+    own = {("time_lag",): (misfit, 0.95, 1), ("filtered_force",): (990, 0.98, 2)}
+    fits = {names: _law(names, *numbers) for names, numbers in own.items()}
+    found = _best(_law((), 7800, 0.0, 0), fits, CONTACT_LAW)
+    assert [part.effect.name for part in found.parts] == [best]
+
+
 @pytest.mark.parametrize(
     ("misfit", "noise_share", "best"),
     [(1400, 0.95, "spherical_tip"),  # 8 % of the excess behind, in nearly as many presses

@@ -256,8 +256,7 @@ def explained_case(tmp_path_factory) -> Explained:
         PlacedExperiment(placement.scan, body, noise, origin_m=placement.origin_m),
         Catalogue(effect for effect in CATALOGUE if effect.name in wanted),
         fit,
-        measurement_model(placement.scan, body, fit),
-        fit.map,
+        *measurement_model(placement.scan, body, fit),
         study=study,
     )
     explained = forward_selection(problem.model, problem.start, problem.scan, problem.catalogue)

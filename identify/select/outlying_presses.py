@@ -142,7 +142,7 @@ def _same_answer(
     others = ~np.isin(start.scan.press, presses)
     same = others[start.scan.in_contact]
     fewer = start.experiment.without(presses, refill=False)
-    model = measurement_model(fewer.scan, fewer.body, start.fit)
+    model, _ = measurement_model(fewer.scan, fewer.body, start.fit)
     again = confirmed(explained, model, fewer.scan, same, fewer.say, settings)
     if again is None:
         return None

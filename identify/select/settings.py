@@ -55,7 +55,7 @@ class StartSettings:
 
     other_shape: float = 1.5
     error_rounds: int = 2
-    weaker: tuple[float, ...] = (1.0, 0.3, 0.1, 0.03)
+    weaker: tuple[float, ...] = (0.3, 0.1, 0.03)
     fit: FitSettings = PRECISE
     contact_law: ContactLawSettings = CONTACT_LAW
 

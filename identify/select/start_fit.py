@@ -5,12 +5,14 @@ the given values or from the linear estimate.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import MappingProxyType
 
 import numpy as np
 
+from fem import SolverError
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
@@ -224,12 +226,8 @@ def fit_effects(
 
     `starts` are values of effects without given ones, `press_error` is the model's.
     """
-    model = measurement_model(experiment.scan, experiment.body, fit)
+    model, start = measurement_model(experiment.scan, experiment.body, fit, settings)
     model = replace(model, press_error=press_error)
-    start = possible_map(model, fit.map, settings)
-    if start is not fit.map:
-        corrected = model.mechanics.corrected(start, model.mechanics.state())
-        model = replace(model, mechanics=corrected)
     for effect, initial in experiment.effects:
         experiment.say(f"fitting {effect.name}")
         joint = _with_effect(model, start, effect, initial or dict(starts.get(effect.name, {})))
@@ -256,26 +254,13 @@ def with_effects(
     return replace(joint, history=(*before, end))
 
 
-def possible_map(
-    model: MeasurementModel, found: GaussianMap, settings: StartSettings = START
-) -> GaussianMap:
-    """Return the map, or one with weaker inclusions where the model cannot evaluate it.
+def measurement_model(
+    scan: Scan, body: BodyModel, fit: FitResult, settings: StartSettings = START
+) -> tuple[MeasurementModel, GaussianMap]:
+    """Return the model without effects, corrected to the finer body at a map, and that map.
 
-    Presses that slipped may draw a map to inclusions that are finer than its mesh.
+    It is the fitted one, or one with weaker inclusions where a mesh does not resolve it.
     """
-    for share in settings.weaker:
-        weaker = tuple(replace(i, weight_pa=share * i.weight_pa) for i in found.inclusions)
-        stiffness = found if share == 1 else GaussianMap(found.background_pa, weaker)
-        try:
-            model.linearise(model.start(stiffness))
-        except InadmissibleError:
-            continue
-        return stiffness
-    return found  # for the error message of the fit
-
-
-def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> MeasurementModel:
-    """Return the model without effects, corrected to the finer body at the fitted map."""
     coarse = body.coarse
     mechanics = BodyMechanics.of(coarse, body.fine)
     if fit.field is None:
@@ -283,13 +268,41 @@ def measurement_model(scan: Scan, body: BodyModel, fit: FitResult) -> Measuremen
     if fit.solution is not None:
         mechanics = mechanics.sharing(fit.model.mechanics)
     free = [name for name in fit.covariance_names if name in fit.map.names]
-    return MeasurementModel(
-        Readings.of(scan),
-        scan.used().displacement_m,
-        fit.noise,
-        mechanics.corrected(fit.map, mechanics.state()),
-        parameter_space(fit.map, coarse.mesh.box_m, free, coarse.probed_m),
+    space = parameter_space(fit.map, coarse.mesh.box_m, free, coarse.probed_m)
+    model = MeasurementModel(
+        Readings.of(scan), scan.used().displacement_m, fit.noise, mechanics, space
     )
+    return possible(model, fit.map, settings)
+
+
+def possible(
+    model: MeasurementModel, found: GaussianMap, settings: StartSettings = START
+) -> tuple[MeasurementModel, GaussianMap]:
+    """Return a model corrected at a map that both meshes resolve, and that map.
+
+    Presses that slipped may draw a map to inclusions that are finer than a mesh.
+
+    Raises
+    ------
+    InadmissibleError, SolverError
+        Where no weaker inclusions help either.
+    """
+
+    def corrected_at(share: float) -> tuple[MeasurementModel, GaussianMap]:
+        stiffness = found
+        if share < 1:
+            weaker = tuple(replace(i, weight_pa=share * i.weight_pa) for i in found.inclusions)
+            stiffness = GaussianMap(found.background_pa, weaker)
+        mechanics = model.mechanics.corrected(stiffness, model.mechanics.state())
+        there = replace(model, mechanics=mechanics)
+        there.linearise(there.start(stiffness))
+        return there, stiffness
+
+    shares = (1.0, *settings.weaker) if isinstance(found, GaussianMap) else (1.0,)
+    for share in shares[:-1]:
+        with suppress(InadmissibleError, SolverError):
+            return corrected_at(share)
+    return corrected_at(shares[-1])
 
 
 def refuse_effect(effect: Effect, readings: Readings, initial: Values) -> None:

@@ -11,7 +11,7 @@ from identify.effects.smooth import LocalLines
 from identify.effects.units import more
 
 _LONGEST = 0.25  # of the median press
-_SOFTEST = 0.1  # share of a lag that the end of a soft ramp shows at least
+_SHOWN_S = 0.003  # of a much shorter lag the holds show noise, by which no pattern may go
 _INSTANT_S = 1e-3  # a reading that close to a corner stays on its side
 
 
@@ -140,7 +140,7 @@ def _to_come(
     before = np.append(0.0, paces[:-1])
     before[readings.run[readings.first]] = 0.0
     holds = readings.phase[np.searchsorted(readings.run, phases)] == "hold"
-    sooner = np.where(holds, max(soft, _SOFTEST), 1 / max(soft, _SOFTEST))
+    sooner = np.where(holds, soft, 1 / soft)
     left = np.minimum(sooner[felt] * np.exp(-since / filter_s), 1.0)
     return filter_s * (paces - before)[felt] * left
 
@@ -165,7 +165,8 @@ def _soft_corners(
     slope = np.sign(lag_s) * _rate(course, run, within)[ramp]
     lacks = course.at(run[held], held, within[corners]) - readings.force_n[corners]
     soft_s = float(lacks @ slope) / max(float(slope @ slope), 1e-300)
-    return corners, slope, min(max(soft_s, 0.0), abs(lag_s))
+    soft_s = min(max(soft_s, 0.0), abs(lag_s))
+    return corners, slope, abs(lag_s) * (soft_s + _SHOWN_S) / (abs(lag_s) + _SHOWN_S)
 
 
 def _rate(course: LocalLines, run: np.ndarray, within: np.ndarray) -> np.ndarray:

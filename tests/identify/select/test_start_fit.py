@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fem import SolverError
+from identify.body.mechanics import BodyMechanics
 from identify.map.gaussian_map import GaussianMap, Inclusion
 from identify.map.parameters import parameter_space
 from identify.optimize.result import InadmissibleError
@@ -35,6 +37,26 @@ def test_a_map_that_cannot_be_evaluated_is_weakened_until_it_can_be():
     there.linearise(there.start(weaker))
     assert spike.inclusions[0].weight_pa < weaker.inclusions[0].weight_pa < 0
     assert possible(known, TRUE)[1] is TRUE
+
+
+def test_a_map_that_the_finer_mesh_does_not_resolve_is_weakened(monkeypatch):
+    press, _, _, force = timing(3)
+    known = model(scan(true_compliance()[press] * force, force, 3))
+    hard = GaussianMap(5000.0, (replace(TRUE.inclusions[0], weight_pa=3e5),))
+    corrected, tried = BodyMechanics.corrected, []
+
+    def only_soft(self, stiffness, state, slack=0.0):
+        tried.append(stiffness.inclusions[0].weight_pa)
+        if tried[-1] > 5e4:
+            raise SolverError("no positive energy")
+        return corrected(self, stiffness, state, slack)
+
+    monkeypatch.setattr(BodyMechanics, "corrected", only_soft)
+    _, start = possible(known, hard)
+    assert tried == pytest.approx([3e5, 9e4, 3e4])
+    assert start.inclusions[0].weight_pa == tried[-1]
+    with pytest.raises(SolverError):
+        possible(known, GaussianMap(5000.0, (replace(hard.inclusions[0], weight_pa=3e6),)))
 
 
 def test_a_map_finer_than_the_mesh_is_evaluated_as_the_mesh_can():

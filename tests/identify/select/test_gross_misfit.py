@@ -71,6 +71,7 @@ def test_where_the_presses_alone_are_met_the_map_is_wrong_and_no_effect_is_sough
     assert with_exact_map(replace(start, law=presses(9.0)), 0, SELECTION) is None
 
 
+@pytest.mark.slow
 def test_beside_a_map_that_is_wrong_as_well_nothing_is_named():
     start = begun(rough=0.05)
     assert with_exact_map(start, 0, SELECTION) is None

@@ -141,6 +141,7 @@ def test_after_an_exchange_every_effect_must_be_needed_again(unneeded):
     assert {"curved_surface", unneeded} <= set(found.dropped)
 
 
+@pytest.mark.slow
 def test_the_ladder_leads_to_a_special_case_of_what_took_an_effect_s_place():
     table, step, _ = beside_a_drift()
     alone = fit_jointly(model(table), TRUE)
@@ -168,6 +169,7 @@ def test_the_ladder_leads_to_a_special_case_of_what_took_an_effect_s_place():
     assert {"surface_tilt", "curved_surface"} <= set(found.dropped)
 
 
+@pytest.mark.slow
 def test_of_three_effects_beside_structure_a_quarter_is_asked_for_and_none_is_compared_again():
     """Beside structure none is named: imitations of an unknown cause follow each other cheaply."""
     table, *_ = beside_a_drift(slope=SLOPE)

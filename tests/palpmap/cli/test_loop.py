@@ -110,6 +110,7 @@ def test_what_a_scan_without_times_cannot_show_is_said(diagnosed):
     timed = (
         "viscoelasticity", "force_drift", "sensitivity_drift", "displacement_drift", "breathing",
         "two_time_creep", "power_law_creep", "force_warm_up", "force_wander", "time_lag",
+        "filtered_force",
         "displacement_wander", "breathing_from_touch", "breathing_harmonics",
         "breathing_harmonics_from_touch", "local_creep", "side_creep", "force_jump",
         "displacement_jump", "breathing_drifting", "creep_recovery", "sensitivity_wander",

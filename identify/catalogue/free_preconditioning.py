@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.body.state import BodyState
+from identify.catalogue.preconditioning import by_order_or_time
 from identify.effects.base import Effect, EffectParameter, Values, WorkedExample
 from identify.effects.monotone import risen
 from identify.effects.readings import Readings
@@ -97,6 +98,7 @@ class FreePreconditioning(Effect):
         return (
             f"Later presses sink deeper whatever their place: the last ones by {percent(last)} "
             f"more than the first, settled after {values['k0']:.2g} presses."
+            f"{by_order_or_time(readings)}"
         )
 
 

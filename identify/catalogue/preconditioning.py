@@ -74,4 +74,15 @@ class Preconditioning(Effect):
         return (
             f"Later presses sink deeper whatever their place: the last ones by {percent(last)} "
             f"more than the first, settling over about {values['k0']:.2g} presses."
+            f"{by_order_or_time(readings)}"
         )
+
+
+def by_order_or_time(readings: Readings) -> str:
+    """Caution where the presses were made at an even pace, else empty."""
+    if not readings.even_pace:
+        return ""
+    return (
+        " Order and time are nearly one in this scan: a sensor that reads ever less of the same "
+        "force would look the same. Rest for a minute between some presses."
+    )

@@ -13,6 +13,8 @@ from models import Scan
 
 _MOST_PER_PRESS = 50  # ids for each press of the scan
 
+_EVEN = 0.05  # of the length of a scan
+
 
 @dataclass(frozen=True, eq=False)
 class Scales:
@@ -143,6 +145,15 @@ class Readings:
     def presses_made(self) -> int:
         """Number of presses up to the last, with those left out here."""
         return int(self.order.max()) + 1
+
+    @cached_property
+    def even_pace(self) -> bool:
+        """Whether order and time are nearly one: no press is far off an even pace."""
+        if self.time_s is None or self.presses < 3:
+            return False
+        begins = self.timed_s[self.first]
+        even = np.polyval(np.polyfit(self.order, begins, 1), self.order)
+        return bool(np.abs(begins - even).max() < _EVEN * np.ptp(begins))
 
     @cached_property
     def first(self) -> np.ndarray:

@@ -415,6 +415,17 @@ def test_a_filter_is_undone_better_than_by_a_lag(channel, share, soft_s):
     assert of_filter < 0.7 * of_lag
 
 
+@pytest.mark.parametrize("name", ["preconditioning", "free_preconditioning"])
+def test_softening_by_order_at_an_even_pace_may_be_a_sensor_s(name):
+    own = trial().readings
+    values = {"p": 0.1, "k0": 10.0, "rise_1": 0.02, "rise_2": 0.03, "rise_3": 0.01}
+    rested = replace(own, time_s=own.timed_s + np.where(own.press > 8, 60.0, 0.0))
+    said = [CATALOGUE[name].evidence(values, r) for r in (own, rested)]
+    assert "Order and time are nearly one" in said[0]
+    assert said[0].startswith(said[1])
+    assert len(said[1]) < len(said[0])
+
+
 def test_breathing_in_step_with_the_presses_is_no_candidate():
     own = trial().readings
     regular = 4.5 * own.press + (own.time_s - own.time_s[own.first][own.press])

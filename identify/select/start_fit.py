@@ -159,8 +159,8 @@ def kind_of_map(
 
 def _on_models(fit: FitResult, experiment: PlacedExperiment) -> FitResult:
     """Return inclusions and effects fitted again on the models of another experiment."""
-    model = measurement_model(experiment.scan, experiment.body, fit)
-    return fit_jointly(replace(model, effects=fit.model.effects), fit.map)
+    model, start = measurement_model(experiment.scan, experiment.body, fit)
+    return fit_jointly(replace(model, effects=fit.model.effects), start)
 
 
 def contact_law_of(
@@ -298,7 +298,7 @@ def possible(
         there.linearise(there.start(stiffness))
         return there, stiffness
 
-    shares = (1.0, *settings.weaker) if isinstance(found, GaussianMap) else (1.0,)
+    shares = (1.0, *settings.weaker) if found.inclusions else (1.0,)
     for share in shares[:-1]:
         with suppress(InadmissibleError, SolverError):
             return corrected_at(share)

@@ -63,6 +63,7 @@ def test_a_hard_grain_is_left_for_an_inclusion_of_ordinary_size(own, found):
     assert found_again(found) is found
 
 
+@pytest.mark.slow
 def test_a_void_is_left_for_a_soft_inclusion_of_ordinary_size():
     # A soft ball of a blind trial ended as a void, "not found", 39 above the best chi-square
     soft = TRUE.changed({"inclusion_1.weight_pa": -3000.0})

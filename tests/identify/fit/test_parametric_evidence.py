@@ -34,6 +34,7 @@ def body_of_one_inclusion(swing_m: float) -> pm.Experiment:
     return pm.Experiment(scan, pm.Block(SIZE_M, poisson_ratio=NU), pm.FlatTip(TIP_M), noise=NOISE)
 
 
+@pytest.mark.slow
 def test_it_is_that_of_the_criterion_where_the_map_leaves_noise():
     fit = pm.fit(body_of_one_inclusion(0.0), inclusions=1)
     solution = fit.solution

@@ -288,6 +288,7 @@ def test_odds_under_the_null_are_as_stated(by_field, grid):
     assert np.mean(false, axis=0).max() < 1.5  # a mean of ratios of evidence is one
 
 
+@pytest.mark.slow
 def test_a_lump_wider_than_any_ball_is_told_from_above_alone(by_field, grid):
     centre = np.array([0.032, 0.028, 0.018])
     lump = np.exp(-np.sum((grid.points_m - centre) ** 2, axis=1) / (2 * 0.009**2))

@@ -105,6 +105,7 @@ def test_a_foreign_form_is_named_by_its_family(change, family):
     assert all(effect.decided for effect in found.accepted)
 
 
+@pytest.mark.slow
 def test_creep_on_one_side_is_named_with_its_side():
     table = planted(8, one_side)
     found = forward_selection(model(table), TRUE, table, LIKE)

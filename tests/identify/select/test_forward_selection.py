@@ -299,6 +299,7 @@ def test_of_candidates_that_do_as_well_one_that_leaves_noise_comes_first(quiet, 
     assert {c.name for c in ordered} == {"a", "b"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of_left", [SELECTION.of_left, 2.0])
 def test_a_small_third_cause_is_named_as_it_takes_what_the_others_left(of_left):
     """Were it said to mend the others' fit, whatever it takes, none of the three had a name."""

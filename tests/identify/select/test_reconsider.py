@@ -134,6 +134,7 @@ def followed(fell_behind=True, settings=SELECTION, equal=None, fit=None):
     return *found, said
 
 
+@pytest.mark.slow
 def test_an_equal_that_fell_behind_takes_over_with_an_effect_of_its_own():
     fit, accepted, exchanged, _ = followed()
     assert exchanged == {"displacement_drift": "force_drift"}
@@ -168,6 +169,7 @@ def test_equals_that_are_still_equals_or_forms_of_one_cause_are_not_followed():
         assert not said
 
 
+@pytest.mark.slow
 def test_the_selection_follows_equals_beside_its_last_effect(monkeypatch):
     effects, table, asked = behind_a_drift()[0], drifting(1e-4), []
 

@@ -101,6 +101,7 @@ def test_special_cases_are_not_tried_where_they_are_known_or_not_asked_for(why):
     assert not said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unneeded", ["force_drift", "contact_offset"])
 def test_after_an_exchange_every_effect_must_be_needed_again(unneeded):
     hidden = {"offset_m": 0.0} if unneeded == "contact_offset" else {"drift_n_per_s": 0.0}

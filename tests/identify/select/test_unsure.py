@@ -84,6 +84,7 @@ def test_too_few_presses_without_the_suspects_do_not_lose_the_answer(explained_c
     assert "not for the last model" not in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theirs", [True, False])
 def test_an_unexplained_scan_is_explained_again_only_without_presses_that_hold_its_misfit(
     theirs, explained_case, monkeypatch

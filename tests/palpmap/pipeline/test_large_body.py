@@ -98,6 +98,7 @@ def test_cells_are_as_fine_under_the_presses_as_in_a_small_body(tmp_path, kind):
     assert "a part of 104 x 104 x 48 mm under them" in " ".join(checked.notes)
 
 
+@pytest.mark.slow
 def test_a_closed_surface_is_meshed_finely_where_presses_show_it(tmp_path):
     study = write_surface(tmp_path, np.full(81, 0.015))
     body = pm.read_study(study).opened(thin=False).body

@@ -17,7 +17,7 @@ from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
 from identify.fit.contact_law import _best, _near, contact_law
-from identify.fit.free_compliance import FreeCompliance, _in_logarithms
+from identify.fit.free_compliance import FreeCompliance, _at_bound, _in_logarithms
 from identify.fit.free_compliance_fit import straightened
 from identify.fit.settings import CONTACT_LAW
 from identify.measurement.chain import OperatingPoint
@@ -285,6 +285,13 @@ def _law(names, misfit, noise_share, unknowns):
     )  # fmt: skip
 
 
+def _chosen(own):
+    """Return the names of the best law, and of those that are refitted to all presses."""
+    plain, fits = _law((), 7800, 0.0, 0), {n: _law(n, *numbers) for n, numbers in own.items()}
+    found = _best(plain, fits, CONTACT_LAW)
+    return tuple(p.effect.name for p in found.parts), _near(plain, fits, CONTACT_LAW)
+
+
 @pytest.mark.parametrize(
     ("misfit", "noise_share", "best"),
     [(905, 0.95, "strain_stiffening"),  # 0.4 % of the excess behind, in nearly as many presses
@@ -296,18 +303,24 @@ def test_a_free_form_must_take_more_than_laws_are_right_to(misfit, noise_share, 
         ("free_stiffening", "touch_threshold"): (875, 0.98, 5),
         ("touch_threshold",): (1350, 0.78, 1),
     }
-    fits = {names: _law(names, *numbers) for names, numbers in own.items()}
-    found = _best(_law((), 7800, 0.0, 0), fits, CONTACT_LAW)
-    assert [part.effect.name for part in found.parts] == [best, "touch_threshold"]
+    assert _chosen(own)[0] == (best, "touch_threshold")
+
+
+def test_an_end_that_is_physics_is_no_bound_of_the_search():
+    """A filter may be all of a lag; a lag as long as may be sought was not found."""
+    part = SimpleNamespace(
+        effect=CATALOGUE["filtered_force"], parameters=CATALOGUE["filtered_force"].parameters
+    )
+    for lag_s, held in ((0.1, ()), (0.5, ("filtered_force.lag_s",))):
+        values = {"filtered_force": {"lag_s": lag_s, "share": 1.0}}
+        assert _at_bound([part], values) == held  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize(("misfit", "best"), [(1020, "time_lag"), (1040, "filtered_force")])
 def test_a_simpler_form_that_leaves_structure_gives_way_to_one_that_leaves_noise(misfit, best):
     """Both lie within what laws are right to; noise of 900 degrees of freedom ends at 1027."""
     own = {("time_lag",): (misfit, 0.95, 1), ("filtered_force",): (990, 0.98, 2)}
-    fits = {names: _law(names, *numbers) for names, numbers in own.items()}
-    found = _best(_law((), 7800, 0.0, 0), fits, CONTACT_LAW)
-    assert [part.effect.name for part in found.parts] == [best]
+    assert _chosen(own)[0] == (best,)
 
 
 @pytest.mark.parametrize(
@@ -321,10 +334,9 @@ def test_a_textbook_law_of_another_cause_stands_before_a_free_form(misfit, noise
         ("free_stiffening", "touch_threshold"): (875, 0.98, 5),
         ("touch_threshold",): (2500, 0.78, 1),
     }
-    plain, fits = _law((), 7800, 0.0, 0), {n: _law(n, *numbers) for n, numbers in own.items()}
-    found = _best(plain, fits, CONTACT_LAW)
-    assert found.parts[0].effect.name == best
-    assert best in {names[0] for names in _near(plain, fits, CONTACT_LAW)}
+    found, refitted = _chosen(own)
+    assert found[0] == best
+    assert found in refitted
 
 
 def test_the_range_of_a_touch_is_that_of_laws_that_explain_nearly_as_much(late_ball):

@@ -10,8 +10,19 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from identify.fit import SPOTS, FitResult
+from identify.fit import FitResult
 from identify.map import FreeMap, Inclusion
+from palpmap.figures.cuts import (
+    BLIND,
+    Cut,
+    centre_m,
+    cut_name,
+    cut_size,
+    cuts,
+    sample,
+    seen_part,
+    seen_share,
+)
 from palpmap.figures.style import (
     DIFFERENCE_COLORS,
     MODULUS_COLORS,
@@ -20,24 +31,8 @@ from palpmap.figures.style import (
 )
 from palpmap.result.finding import Finding
 
-CELLS = 160
+_BESIDE = 1 / 12  # of the presses' extent across a vertical cut: drawn on it
 _WIDE = 10.0  # ratio of moduli from which on their colours are logarithmic
-BLIND = SPOTS.seen  # share of the prior's variance taken away, below which a place is blind
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A plane through the body at `at_m` along the axis `normal` (0 x, 1 y, 2 z), body frame."""
-
-    normal: int
-    at_m: float
-
-    @property
-    def axes(self) -> tuple[int, int]:
-        """The axes drawn to the right and upwards."""
-        right, up = (a for a in range(3) if a != self.normal)
-        return right, up
-
 
 Law = Callable[[np.ndarray], np.ndarray]
 
@@ -132,7 +127,7 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
         own = [
             seen_part(f, f.fit, cut, fields[row][j]) for row, cut in enumerate(both) for j in alike
         ]
-        span = _span(own, column.signed)
+        span = colour_span(own, column.signed)
         image = None
         for row, cut in enumerate(both):
             axes = grid[row, i]
@@ -140,7 +135,7 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
             _decorate(axes, f, cut, column.title == "True")
             if column.title != "True":
                 hatch_blind(axes, f, f.fit, cut)
-            axes.set_title(f"{column.title}, {_where(f, cut)}" if i == 0 else column.title)
+            axes.set_title(f"{column.title}, {cut_name(f, cut)}" if i == 0 else column.title)
             if i:
                 axes.set_ylabel("")
         if image is not None:
@@ -151,25 +146,6 @@ def _draw_columns(f: Finding, columns: list[Column]) -> Figure:
     return figure
 
 
-def seen_part(f: Finding, fit: FitResult, cut: Cut, values: np.ndarray) -> np.ndarray:
-    """Values of a cut where the scan sees; NaN elsewhere, where a map is a guess and hatched."""
-    share = _share(f, fit, cut)
-    if share is None:
-        return values
-    part = np.where(share >= BLIND, values, np.nan)
-    return part if np.isfinite(part).any() else values
-
-
-def _share(f: Finding, fit: FitResult, cut: Cut) -> np.ndarray | None:
-    """Share of a free map's prior variance taken away on a cut; of others 1 in the probed part."""
-    field, found = fit.field, fit.map
-    if field is not None and isinstance(found, FreeMap):
-        return sample(f, cut, lambda p: found.grid.interpolated(field.share, p))
-    if (probed := f.probed_m) is None:
-        return None
-    return sample(f, cut, lambda p: ((probed[0] <= p) & (p <= probed[1])).all(axis=1).astype(float))
-
-
 def extension(fields: list[np.ndarray], span: tuple[float, float]) -> str:
     """Return the ends of a colour scale beyond which some values lie, as Matplotlib names them."""
     below = any(np.nanmin(v, initial=np.inf) < span[0] for v in fields)
@@ -177,7 +153,8 @@ def extension(fields: list[np.ndarray], span: tuple[float, float]) -> str:
     return "both" if below and above else "min" if below else "max" if above else "neither"
 
 
-def _span(fields: list[np.ndarray], signed: bool) -> tuple[float, float]:
+def colour_span(fields: Sequence[np.ndarray], signed: bool = False) -> tuple[float, float]:
+    """Return the ends of the colour scale of some fields; signed: alike on both sides of zero."""
     inside = np.concatenate([v[np.isfinite(v)] for v in fields])  # a cut may miss the body
     low, high = (inside.min(), inside.max()) if inside.size else (0.0, 1.0)
     if signed:
@@ -203,63 +180,6 @@ def widened(low: float, high: float) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def cuts(f: Finding) -> tuple[Cut, Cut]:
-    """Return a horizontal and a vertical cut through the found map's strongest inclusion.
-
-    The vertical one lies across x or y, whichever comes nearer to the other inclusions.
-    """
-    middle = (f.outline.lower_m + f.outline.upper_m) / 2
-    if isinstance(f.fit.map, FreeMap):
-        place = _free_place(f, f.fit.map)
-        return Cut(2, float(place[2])), Cut(1, float(place[1]))
-    inclusions = f.map.inclusions
-    if not inclusions:
-        return Cut(2, float(middle[2])), Cut(1, float(middle[1]))
-    strongest = max(inclusions, key=lambda i: abs(i.weight_pa))
-    distance = {
-        axis: sum((_centre(i)[axis] - _centre(strongest)[axis]) ** 2 for i in inclusions)
-        for axis in (1, 0)
-    }
-    axis = min(distance, key=lambda a: distance[a])
-    at = np.clip(_centre(strongest), f.outline.lower_m, f.outline.upper_m)
-    return Cut(2, float(at[2])), Cut(axis, float(at[axis]))
-
-
-def sample(f: Finding, cut: Cut, law: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Values (rows, columns) of a field on a cut, NaN outside the body."""
-    lower, upper = f.outline.lower_m, f.outline.upper_m
-    right, up = cut.axes
-    cell = max(upper - lower) / CELLS
-    counts = [max(round((upper[a] - lower[a]) / cell), 2) for a in (right, up)]
-    u, v = (
-        lower[a] + (np.arange(n) + 0.5) / n * (upper[a] - lower[a])
-        for a, n in zip((right, up), counts, strict=True)
-    )
-    points = np.empty((counts[1] * counts[0], 3))
-    points[:, right], points[:, up] = (g.ravel() for g in np.meshgrid(u, v))
-    points[:, cut.normal] = cut.at_m
-    values = np.where(f.outline.inside(points), law(points), np.nan)
-    return values.reshape(counts[1], counts[0])
-
-
-def _centre(inclusion: Inclusion) -> np.ndarray:
-    return np.array([inclusion.x_m, inclusion.y_m, inclusion.z_m])
-
-
-def cut_size(f: Finding, cut: Cut) -> tuple[float, float]:
-    """Width and height of a cut through the body's box, m."""
-    extent = f.outline.upper_m - f.outline.lower_m
-    return float(extent[cut.axes[0]]), float(extent[cut.axes[1]])
-
-
-def _where(f: Finding, cut: Cut) -> str:
-    at = 1e3 * (cut.at_m + f.origin_m[cut.normal])
-    if cut.normal == 2:
-        depth = 1e3 * (f.outline.upper_m[2] - cut.at_m)
-        return f"from above, cut {depth:.0f} mm deep"
-    return f"from the side, cut at {'xyz'[cut.normal]} = {at:.0f} mm"
-
-
 def show_cut(
     axes: Axes, f: Finding, cut: Cut, values: np.ndarray, colors: str, span: tuple[float, float]
 ) -> AxesImage:
@@ -281,28 +201,16 @@ def show_cut(
     )  # fmt: skip
 
 
-def _free_place(f: Finding, found: FreeMap) -> np.ndarray:
-    """Place of a free map's first spot, or of its largest difference from its layer in sight."""
-    field = f.fit.field
-    assert field is not None
-    for spot in field.spots:
-        if not spot.wide:
-            return np.array([spot.x_m, spot.y_m, spot.z_m])
-    layers = found.log_pa.reshape(found.grid.counts)
-    differs = np.abs(layers - np.median(layers, axis=(0, 1))).ravel() * field.share
-    return found.grid.points_m[int(np.argmax(differs))]
-
-
 def hatch_blind(axes: Axes, f: Finding, fit: FitResult, cut: Cut) -> None:
     """Fade and hatch the places that the scan does not see."""
-    share = _share(f, fit, cut)
+    share = seen_share(f, fit, cut)
     if share is None:
         return
     low, high = 1e3 * (f.outline.lower_m + f.origin_m), 1e3 * (f.outline.upper_m + f.origin_m)
     (right, up), (rows, columns) = cut.axes, share.shape
     x = low[right] + (np.arange(columns) + 0.5) / columns * (high[right] - low[right])
     y = low[up] + (np.arange(rows) + 0.5) / rows * (high[up] - low[up])
-    if np.nanmin(share) < BLIND:
+    if np.nanmin(share, initial=np.inf) < BLIND:
         axes.contourf(x, y, share, levels=[-1.0, BLIND], colors=[(1, 1, 1, 0.55)], hatches=["////"])
 
 
@@ -317,7 +225,9 @@ def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:
     if top:
         axes.plot(points[:, right], points[:, up], ".", color="white", ms=3, alpha=0.55)
     else:
-        axes.plot(points[:, right], points[:, up], "v", color="#222222", ms=3.5, clip_on=False)
+        across = points[:, cut.normal] - 1e3 * (cut.at_m + f.origin_m[cut.normal])
+        beside = points[np.abs(across) < _BESIDE * np.ptp(points[:, cut.normal])]
+        axes.plot(beside[:, right], beside[:, up], "v", color="#222222", ms=3.5, clip_on=False)
     if f.truth is not None:
         draw_circles(axes, f, f.truth.inclusions, cut, "--")
     if not is_truth:
@@ -341,7 +251,7 @@ def draw_circles(
     right, up = cut.axes
     angle = np.linspace(0, 2 * np.pi, 73)
     for inclusion in inclusions:
-        centre = 1e3 * (_centre(inclusion) + f.origin_m)
+        centre = 1e3 * (centre_m(inclusion) + f.origin_m)
         radius = 1e3 * inclusion.radius_m
         x, y = centre[right] + radius * np.cos(angle), centre[up] + radius * np.sin(angle)
         axes.plot(x, y, line, color="black", lw=2.2)

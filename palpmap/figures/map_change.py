@@ -8,18 +8,15 @@ from identify.body import ChangedMap
 from identify.map import GaussianMap
 from identify.select import Explanation, Step
 from palpmap.figures.curves import draw_readings
+from palpmap.figures.cuts import cut_size, cuts, sample, seen_part
 from palpmap.figures.map import (
     color_bar,
-    cut_size,
-    cuts,
+    colour_span,
     draw_circles,
     extension,
     hatch_blind,
     limit_to_body,
-    sample,
-    seen_part,
     show_cut,
-    widened,
 )
 from palpmap.figures.style import (
     BLUE,
@@ -64,8 +61,7 @@ def draw_maps(finding: Finding, explained: Explanation) -> Figure:
         for cut, row in zip(both, fields, strict=True)
         for v, fit in list(zip(row, fit_of, strict=True))[len(explained.ladder) > 1 :]
     ]
-    low = min(float(np.nanmin(v)) for v in judged)
-    low, high = widened(low, max(float(np.nanmax(v)) for v in judged))
+    low, high = colour_span(judged)
     sizes = [cut_size(finding, cut) for cut in both]
     heights = [max(height / width, 0.3) for width, height in sizes]
     width = 3.4 * len(shown) + 1.1

@@ -34,7 +34,7 @@ _BALL = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Outline:
     """The body's box and its inside.
 
@@ -44,11 +44,14 @@ class Outline:
         Corners of the box, body frame, m.
     inside : callable
         Points (p, 3) -> (p,) bool, True in the body.
+    top : callable
+        Places (p, 2) -> (p,) m, height of the surface there; NaN beside the body.
     """
 
     lower_m: np.ndarray
     upper_m: np.ndarray
     inside: Callable[[np.ndarray], np.ndarray]
+    top: Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -201,14 +204,19 @@ def parameter_records(
 
 
 def study_outline(study: Study) -> Outline:
-    """Return the body's box; of a surface, also its inside."""
+    """Return the body's box; of a surface, also its inside and its heights."""
     if study.body.size_m is not None:
         size = np.array(study.body.size_m)
-        return Outline(np.zeros(3), size, lambda points: np.ones(len(points), dtype=bool))
+        return Outline(
+            np.zeros(3),
+            size,
+            lambda points: np.ones(len(points), dtype=bool),
+            lambda places: np.full(len(places), size[2]),
+        )
     if study.body.shape == "from-contacts":
         made = contact_body(study.body)
         low, high = made.box_m()
-        return Outline(low, high, made.inside)
+        return Outline(low, high, made.inside, made.surface.heights)
     import pyvista
 
     surface: Any = pyvista.read(str(study.body.file))
@@ -218,7 +226,12 @@ def study_outline(study: Study) -> Outline:
         distance = pyvista.PolyData(np.asarray(points)).compute_implicit_distance(surface)
         return np.asarray(distance["implicit_distance"]) <= 0
 
-    return Outline(lower, upper, inside)
+    def top(places: np.ndarray) -> np.ndarray:
+        above, below = 2 * upper[2] - lower[2], 2 * lower[2] - upper[2]
+        hits = (surface.ray_trace([*at, above], [*at, below], first_point=True)[0] for at in places)
+        return np.array([hit[2] if len(hit) else np.nan for hit in hits])
+
+    return Outline(lower, upper, inside, top)
 
 
 def step_finding(

@@ -14,7 +14,9 @@ from models import InputError
 from palpmap.__main__ import app
 from palpmap.blind.seal import unseal
 from palpmap.blind.trial import Trial, make_trial
-from palpmap.figures.map import cuts, extension, sample, seen_part
+from palpmap.figures.cuts import cuts, sample, seen_part
+from palpmap.figures.map import extension
+from palpmap.result.finding import Outline
 
 STUDY = Path("tests/data/twelve_presses/study.toml").resolve()
 
@@ -138,13 +140,16 @@ def test_a_free_map_is_cut_where_it_differs_from_its_layer_in_sight():
     deep = np.where((z < 0.01) & (x > 0.05), 5.0, 0.0)
     found = FreeMap(grid, 8.0 + 100 * (0.03 - z) + 0.4 * lump + deep)
     field = SimpleNamespace(spots=(), share=np.where(z < 0.01, 0.05, 0.9))
-    outline = SimpleNamespace(
-        lower_m=np.zeros(3), upper_m=np.array([0.06, 0.06, 0.03]), inside=lambda p: p[:, 0] >= 0
+    outline = Outline(
+        np.zeros(3),
+        np.array([0.06, 0.06, 0.03]),
+        lambda p: p[:, 0] >= 0,
+        lambda p: np.full(len(p), 0.03),
     )
     fit: Any = SimpleNamespace(map=found, field=field)
     f: Any = SimpleNamespace(fit=fit, outline=outline, probed_m=None)
     above, side = cuts(f)
-    assert (above.at_m, side.at_m) == pytest.approx((0.02, 0.04), abs=0.0026)
+    assert (above.at_m, side.at_m) == pytest.approx((0.01, 0.04), abs=0.0026)
     # Its colours are those of the part in sight
     values = sample(f, side, found.modulus)
     seen = seen_part(f, fit, side, values)
@@ -155,3 +160,26 @@ def test_a_free_map_is_cut_where_it_differs_from_its_layer_in_sight():
     assert np.array_equal(seen[~blind], values[~blind])
     fit = SimpleNamespace(map=found, field=None)
     assert seen_part(f, fit, side, values) is values
+
+
+def test_a_cut_follows_a_curved_surface_and_shows_a_spot_just_above_it():
+    """The surface of finite elements is a smoothed one: a spot found near it may lie outside."""
+
+    def top(places):
+        return 0.03 - 20 * ((places - 0.03) ** 2).sum(axis=1)
+
+    outline = Outline(
+        np.zeros(3), np.array([0.06, 0.06, 0.03]), lambda p: p[:, 2] <= top(p[:, :2]), top
+    )
+    grid = Grid.over(np.array([[0.0, 0.0, 0.0], [0.06, 0.06, 0.03]]), 0.005)
+    found = FreeMap(grid, np.full(len(grid.points_m), 8.0))
+    spot = SimpleNamespace(wide=False, x_m=0.03, y_m=0.03, z_m=0.0305)
+    fit: Any = SimpleNamespace(map=found, field=SimpleNamespace(spots=(spot,), share=np.ones(1)))
+    f: Any = SimpleNamespace(fit=fit, outline=outline, probed_m=None)
+    above, side = cuts(f)
+    assert 0 < above.at_m < 0.002
+    depth = sample(f, above, lambda p: top(p[:, :2]) - p[:, 2])
+    # All of the body but for its rim, which is thinner than the cut is deep
+    assert np.isfinite(depth).mean() > 0.8
+    np.testing.assert_allclose(depth[np.isfinite(depth)], above.at_m)
+    assert np.isfinite(sample(f, side, found.modulus)).any()

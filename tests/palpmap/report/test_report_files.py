@@ -28,8 +28,9 @@ from palpmap.api import read_run
 from palpmap.commands.compare import run_compare
 from palpmap.console import Output
 from palpmap.figures.curves import draw_convergence, draw_curves
+from palpmap.figures.cuts import cuts, sample
 from palpmap.figures.forms import draw_forms
-from palpmap.figures.map import cuts, draw_map, draw_uncertainty, sample
+from palpmap.figures.map import draw_map, draw_uncertainty
 from palpmap.figures.residual import draw_tests
 from palpmap.figures.style import png, settle
 from palpmap.report.fit_console import summary
@@ -387,7 +388,7 @@ def test_positions_are_told_in_the_scans_own_frame(tmp_path):
 def test_the_cuts_go_through_the_strongest_inclusion_and_towards_the_other(tmp_path):
     finding = load_finding(make_run(tmp_path / "run"))
     horizontal, vertical = cuts(finding)
-    assert (horizontal.normal, horizontal.at_m) == (2, 0.0195)
+    assert (horizontal.normal, horizontal.at_m) == (2, pytest.approx(0.030 - 0.0195))
     assert (vertical.normal, vertical.at_m) == (1, 0.0399)
     values = sample(finding, vertical, finding.fit.map.modulus)
     row, column = np.unravel_index(np.argmax(values), values.shape)
@@ -417,6 +418,8 @@ def test_the_outline_of_a_surface_knows_its_inside(tmp_path):
     np.testing.assert_allclose(outline.upper_m, 0.05, rtol=0.01)
     points = np.array([[0, 0, 0], [0.04, 0.04, 0.04], [0, 0, 0.045]])
     assert outline.inside(points).tolist() == [True, False, True]
+    heights = outline.top(np.array([[0, 0], [0.03, 0], [0.04, 0.04]]))
+    np.testing.assert_allclose(heights, [0.05, 0.04, np.nan], rtol=0.01)
 
 
 def test_what_cannot_be_compared_is_said(tmp_path):
@@ -457,7 +460,12 @@ def test_the_map_that_is_shown_has_in_it_what_the_fitted_effects_change():
         map=plain, parameters={name: SimpleNamespace(value=v) for name, v in effects.items()}
     )
     nothing: Any = None
-    outline = Outline(np.zeros(3), np.array([0.08, 0.08, 0.04]), lambda p: np.ones(len(p), bool))
+    outline = Outline(
+        np.zeros(3),
+        np.array([0.08, 0.08, 0.04]),
+        lambda p: np.ones(len(p), bool),
+        lambda p: np.full(len(p), 0.04),
+    )
     shown = Finding("a study", fit, nothing, nothing, outline).map
     at = np.array([[0.02, 0.03, 0.02], [0.08, 0.08, 0.0]])
     np.testing.assert_allclose(shown.modulus(at), [13000 * 0.9, 5000 * 1.2], rtol=1e-6)

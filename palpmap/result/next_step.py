@@ -3,15 +3,18 @@
 from itertools import chain
 from pathlib import Path
 
+from identify.effects import percent
 from identify.select import Explanation
 from models import scan_findings
 from palpmap.console import to_type
 from palpmap.result.explain_words import by_chance
 from palpmap.result.finding import Finding
 from palpmap.result.own_effect import OWN_EFFECT
-from palpmap.result.records import ExplainRecord
+from palpmap.result.records import ExplainRecord, LimitRecord
 from palpmap.study.open_study import Problem
 from palpmap.units import duration
+
+_LARGE = 0.1  # of the signal: an effect that should not go unseen
 
 
 def next_steps(
@@ -64,8 +67,7 @@ def next_steps(
     elif verdict == "nothing_missing" and explained.apart is None:
         if by_chance(explained):
             steps.append("Make the scan once more: a pattern that stays has a cause.")
-        limits = to_type("limits", source)
-        steps.append(f"`{limits}` says how large an effect must be for this scan to show it.")
+        steps.append(_limits(record, source))
     return (f"Next: {steps[0]}", *steps[1:]) if steps else ()
 
 
@@ -98,6 +100,25 @@ def _presses(record: ExplainRecord, run: Path) -> str:
         f"{best.change} ({duration(best.duration_s)}): {best.why}. Press program: "
         f"{run / best.program}. `{join}` makes one scan of both; explain that."
     )
+
+
+def _limits(record: ExplainRecord, study: Path) -> str:
+    """Return the command for detection limits, and the effects of which the scan shows little."""
+    command = to_type("limits", study)
+    hidden = [one.name for one in record.limits if _hides(one)]
+    if not hidden:
+        return f"`{command}` says how large an effect must be for this scan to show it."
+    return (
+        f"Even at {percent(_LARGE)} of the signal this scan would not show: {', '.join(hidden)}. "
+        f"`{command}` names a scan that shows more."
+    )
+
+
+def _hides(limit: LimitRecord) -> bool:
+    """Return True if a large effect that can be tested would not be seen."""
+    if limit.smallest_share is None:
+        return limit.largest_share is not None and limit.largest_share > _LARGE
+    return limit.smallest_share > _LARGE
 
 
 def _own_effect(run: Path, study: Path) -> str:

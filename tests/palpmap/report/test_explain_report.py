@@ -408,6 +408,27 @@ def test_a_pattern_that_chance_may_have_left_is_told_and_looked_for_again(told, 
     assert "once more" not in " ".join(next_steps(record, rare, told.problem, tmp_path))
 
 
+def test_beside_nothing_missing_stand_the_large_effects_that_the_scan_would_not_show(
+    told, tmp_path
+):
+    nothing = replace(told.explained, verdict="nothing_missing", accepted=())
+    limit = told.record.limits[0].changed(untestable=None, largest_share=None)
+
+    def last(*shares) -> str:
+        names = ("skin_layer", "sensitivity_drift", "rigid_tip")
+        limits = tuple(
+            limit.changed(name=name, smallest_share=smallest, largest_share=largest)
+            for name, (smallest, largest) in zip(names, shares, strict=False)
+        )
+        record = told.record.changed(limits=limits, next_presses=())
+        return next_steps(record, nothing, told.problem, tmp_path)[-1]
+
+    assert "show: skin_layer, sensitivity_drift. `palpmap limits" in last(
+        (0.3, None), (None, 0.2), (None, 0.007)
+    )
+    assert "how large an effect must be" in last((0.05, None), (None, None), (None, 0.007))
+
+
 def test_what_no_presses_separate_is_ruled_out_by_the_cure_of_each_cause(told, tmp_path):
     explained = replace(told.explained, verdict="ambiguous")
     group = (("contact_offset", "surface_tilt", "suspect presses"),)

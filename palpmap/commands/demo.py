@@ -16,7 +16,7 @@ from palpmap.progress import DEMO
 from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
 from palpmap.report.scan_console import scan_table
-from palpmap.result.finding import Finding
+from palpmap.result.finding import Finding, study_outline
 from palpmap.result.scan_record import ScanRecord, scan_record
 from palpmap.result.truth import matched
 from palpmap.results import FitResult
@@ -62,11 +62,12 @@ def run_demo(*, out: Path | None, seed: int, paper_force: bool, output: Output) 
         del laboratory  # its body takes 0.7 GB
         experiment = Experiment.of(read_scan(study.scan), study)
         with stage("building the model"):
-            box_m = experiment.opened(thin=False).body.coarse.mesh.box_m
+            experiment.opened(thin=False)
+            outline = study_outline(study)
         with stage("fitting the map"):
 
             def on_iteration(step: FitIteration) -> None:
-                record_step(recording, step, box_m)
+                record_step(recording, step, outline)
                 task.advance()
 
             fit = api.fit(experiment, on_iteration=on_iteration)

@@ -6,6 +6,7 @@ from identify.fit import fit_map
 from models import InputError, Scan
 from palpmap.experiment import Experiment
 from palpmap.recording.recorder import Recording
+from palpmap.result.finding import study_outline
 from palpmap.run_files.fit_run import record_step
 from palpmap.study.study import Study
 
@@ -41,7 +42,7 @@ class GrowingMap:
             return
         self._next, self._known = GROWTH * count, count
         last = found.history[-1]
-        box_m = opened.body.coarse.mesh.box_m
-        record_step(self._recording, replace(last, iteration=self._made), box_m)
+        outline = study_outline(self._study)
+        record_step(self._recording, replace(last, iteration=self._made), outline)
         self._recording.event(f"estimate of the map from {count} presses", "INFO")
         self._made += 1

@@ -76,7 +76,12 @@ def _free_place(f: Finding, found: FreeMap) -> np.ndarray:
 
 def sample(f: Finding, cut: Cut, law: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Values (rows, columns) of a field on a cut, NaN outside the body."""
-    points, inside = _points(f.outline, cut)
+    return sample_in(f.outline, cut, law)
+
+
+def sample_in(outline: Outline, cut: Cut, law: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Values (rows, columns) of a field on a cut, NaN outside a body."""
+    points, inside = _points(outline, cut)
     return np.where(inside, law(points.reshape(-1, 3)).reshape(inside.shape), np.nan)
 
 

@@ -13,7 +13,7 @@ import rerun as rr
 from matplotlib import colormaps
 from numpy.typing import NDArray
 
-from identify.fit import FitIteration
+from identify.fit import FitIteration, FitResult
 from identify.select import Explanation, Step
 from palpmap.figures.ladder import press_rms
 from palpmap.recording import entities as parts
@@ -36,7 +36,9 @@ from palpmap.recording.fit import (
 )
 from palpmap.recording.layout import Stage
 from palpmap.recording.maps import (
+    Field,
     MapViews,
+    cut_views,
     log_map,
     log_outlines,
     map_views,
@@ -208,15 +210,18 @@ def _send(
 
 
 def _views(finding: Finding, explained: Explanation) -> list[MapViews]:
-    box = finding.outline.lower_m, finding.outline.upper_m
-    return [map_views(step.fit.changed_map.modulus, *box) for step in explained.ladder]
+    return [_view(finding, step.fit, step.fit.changed_map.modulus) for step in explained.ladder]
 
 
 def _true_views(finding: Finding) -> list[MapViews]:
-    if finding.truth is None:
-        return []
-    box = finding.outline.lower_m, finding.outline.upper_m
-    return [map_views(finding.truth.modulus, *box)]
+    truth = finding.truth
+    return [] if truth is None else [_view(finding, finding.fit, truth.modulus)]
+
+
+def _view(finding: Finding, fit: FitResult, modulus: Field) -> MapViews:
+    if fit.field is not None:
+        return cut_views(finding, fit, modulus)
+    return map_views(modulus, finding.outline.lower_m, finding.outline.upper_m)
 
 
 def _span(views: list[MapViews]) -> tuple[float, float]:

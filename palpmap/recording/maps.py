@@ -8,9 +8,14 @@ import rerun as rr
 from matplotlib import colormaps
 from numpy.typing import ArrayLike, NDArray
 
+from identify.fit import FitResult
+from palpmap.figures.cuts import Cut, cut_name, cuts, sample, sample_in, seen_part
 from palpmap.recording.stream import Log
+from palpmap.result.finding import Finding, Outline
 
+Field = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 GAP = 0.14  # space between the pictures of a map, as a fraction of the body's width
+_NEAR = 0.1  # of the body's height: the depth of a cut near the surface
 _LABEL_COLOR = (235, 235, 235)
 
 
@@ -26,22 +31,24 @@ class MapViews:
     top_pa : (ny, nx) Pa, seen from above, rows along +y
     side_pa : (nz, nx) Pa, seen along +y, rows along +z
     lower_m, upper_m : (3,) m, corners of the box, body frame
+    captions : of the two
     """
 
     top_pa: NDArray[np.float64]
     side_pa: NDArray[np.float64]
     lower_m: NDArray[np.float64]
     upper_m: NDArray[np.float64]
+    captions: tuple[str, str] = ("from above", "from the side")
 
     @property
     def range_pa(self) -> tuple[float, float]:
         """Smallest and largest modulus in both pictures, in Pa."""
         values = np.concatenate([self.top_pa.ravel(), self.side_pa.ravel()])
-        return float(values.min()), float(values.max())
+        return float(np.nanmin(values)), float(np.nanmax(values))
 
 
 def map_views(
-    modulus: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    modulus: Field,
     lower_m: ArrayLike,
     upper_m: ArrayLike,
     cells: int = 64,
@@ -72,6 +79,29 @@ def map_views(
     z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
     values = modulus(np.column_stack([x.ravel(), y.ravel(), z.ravel()])).reshape(z.shape)
     return MapViews(_farthest(values, 0), _farthest(values, 1), lower, upper)
+
+
+def cut_views(finding: Finding, fit: FitResult, modulus: Field) -> MapViews:
+    """Return the cuts of a free map's report: NaN beside the body, and where the scan is blind.
+
+    A line of sight through a map of any form would end at what the scan does not show.
+
+    Parameters
+    ----------
+    fit : whose sight counts
+    """
+    both, outline = cuts(finding), finding.outline
+    top, side = (seen_part(finding, fit, cut, sample(finding, cut, modulus)) for cut in both)
+    names = (cut_name(finding, both[0]), cut_name(finding, both[1]))
+    return MapViews(top, side, outline.lower_m, outline.upper_m, names)
+
+
+def near_views(outline: Outline, modulus: Field) -> MapViews:
+    """Return cuts of a free map whose sight is not known yet: near the surface, in the middle."""
+    low, high = outline.lower_m, outline.upper_m
+    near, middle = Cut(2, _NEAR * float(high[2] - low[2])), Cut(1, float(low[1] + high[1]) / 2)
+    top, side = (sample_in(outline, cut, modulus) for cut in (near, middle))
+    return MapViews(top, side, low, high, ("near the surface", "from the side, cut in the middle"))
 
 
 def _farthest(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
@@ -143,8 +173,8 @@ def log_map(
             ),
         )
     texts = {
-        "from above": (width / 2, -0.6 * gap),
-        "from the side": (width / 2, bottom + 0.7 * gap),
+        views.captions[0]: (width / 2, -0.6 * gap),
+        views.captions[1]: (width / 2, bottom + 0.7 * gap),
     } | {
         f"{value / 1e3:.3g} kPa": (width + 2.8 * gap, bottom * (1 - share))
         for share, value in zip((0, 0.5, 1), np.linspace(*range_pa, 3), strict=True)

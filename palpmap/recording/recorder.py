@@ -279,14 +279,17 @@ class Recording:
         log = self._end()
         log_iteration(log, step, self._true_parameters)
         if views is not None:
-            if self._true is None:
-                self._range_pa = views.range_pa
-            log_map(log, names.FOUND_MAP, views, self._range_pa or views.range_pa)
+            self.found(views)
             log_outlines(log, names.FOUND_MAP, step.parameters, views, style.FOUND)
         if surface_modulus_pa is not None and self._range_pa is not None:
             colors = modulus_colors(surface_modulus_pa, self._range_pa)
             log(names.SURFACE, rr.Mesh3D.from_fields(vertex_colors=colors))
         self._step_done("fit")
+
+    def found(self, views: MapViews) -> None:
+        """Write the found map, without a truth on a colour scale of its own."""
+        self._range_pa = views.range_pa if self._true is None else self._range_pa
+        log_map(self._end(), names.FOUND_MAP, views, self._range_pa or views.range_pa)
 
     def comparison(
         self,

@@ -15,10 +15,10 @@ from models import Scan, thinned, touching
 from palpmap.experiment import Experiment
 from palpmap.figures.curves import near_largest_force
 from palpmap.figures.fit import draw_figures, save_figures
-from palpmap.recording.maps import map_views
+from palpmap.recording.maps import cut_views, map_views, near_views
 from palpmap.recording.recorder import Recording
 from palpmap.report.fit_report import write_report
-from palpmap.result.finding import Finding
+from palpmap.result.finding import Finding, Outline, study_outline
 from palpmap.result.truth import FILE as TRUTH
 from palpmap.result.truth import read_truth
 from palpmap.run_files.volume import write_vti
@@ -56,7 +56,7 @@ class FitRun:
         )
         mesh = opened.body.coarse.mesh
         self._surface_m = record_scan(self._recording, mesh, opened.scan.used())
-        self._box_m = mesh.box_m
+        self._outline = study_outline(experiment.study)
 
     def __enter__(self) -> Self:
         """Return the run itself."""
@@ -68,7 +68,7 @@ class FitRun:
 
     def record(self, step: FitIteration) -> None:
         """Write a step of the fit into the recording."""
-        record_step(self._recording, step, self._box_m, self._surface_m)
+        record_step(self._recording, step, self._outline, self._surface_m)
 
     def finish(self, finding: Finding) -> Finding:
         """Write fit, comparison, figures and report; end the recording with the residuals.
@@ -98,22 +98,24 @@ def record_scan(recording: Recording, mesh: Mesh, scan: Scan) -> np.ndarray:
 def record_step(
     recording: Recording,
     step: FitIteration,
-    box_m: np.ndarray,
+    outline: Outline,
     surface_m: np.ndarray | None = None,
 ) -> None:
     """Write a step of a fit into a recording.
 
     Parameters
     ----------
-    box_m : (2, 3) corners of the body
+    outline : of the body
     surface_m : (n, 3) vertices to be coloured by the estimate, where the truth is not known
     """
     if isinstance(step, FreeMapIteration):
         stiffness = step.stiffness
+        views = near_views(outline, stiffness.modulus)
     else:
         stiffness = GaussianMap.from_values(np.array(list(step.parameters.values())))
+        views = map_views(stiffness.modulus, outline.lower_m, outline.upper_m)
     colors = None if surface_m is None else stiffness.modulus(surface_m)
-    recording.iteration(step, map_views(stiffness.modulus, *box_m), colors)
+    recording.iteration(step, views, colors)
 
 
 def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
@@ -121,6 +123,7 @@ def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
     write_fit(finding.fit, run / "fit.json")
     if isinstance(finding.fit.map, FreeMap):
         write_vti(finding, run / "map.vti")
+        recording.found(cut_views(finding, finding.fit, finding.fit.map.modulus))
     paths = write_finding(finding, run)
     measured, modelled, _ = near_largest_force(finding)
     recording.comparison(

@@ -16,9 +16,11 @@ from palpmap.blind.seal import unseal
 from palpmap.blind.trial import Trial, make_trial
 from palpmap.figures.cuts import cuts, sample, seen_part
 from palpmap.figures.map import extension
+from palpmap.recording.maps import cut_views, map_views
 from palpmap.result.finding import Outline
 
 STUDY = Path("tests/data/twelve_presses/study.toml").resolve()
+BOX = np.array([[0.0, 0.0, 0.0], [0.06, 0.06, 0.03]])  # of a body, m
 
 
 def study(folder: Path, table: str) -> Path:
@@ -134,15 +136,14 @@ def test_presses_that_slipped_under_a_free_map_are_named_and_make_no_spots(tmp_p
 
 def test_a_free_map_is_cut_where_it_differs_from_its_layer_in_sight():
     """Layers, and depths that the scan does not see, may differ by more than any lump."""
-    grid = Grid.over(np.array([[0.0, 0.0, 0.0], [0.06, 0.06, 0.03]]), 0.005)
+    grid = Grid.over(BOX, 0.005)
     x, y, z = grid.points_m.T
     lump = np.exp(-((x - 0.02) ** 2 + (y - 0.04) ** 2 + (z - 0.02) ** 2) / 0.006**2)
     deep = np.where((z < 0.01) & (x > 0.05), 5.0, 0.0)
     found = FreeMap(grid, 8.0 + 100 * (0.03 - z) + 0.4 * lump + deep)
     field = SimpleNamespace(spots=(), share=np.where(z < 0.01, 0.05, 0.9))
     outline = Outline(
-        np.zeros(3),
-        np.array([0.06, 0.06, 0.03]),
+        *BOX,
         lambda p: p[:, 0] >= 0,
         lambda p: np.full(len(p), 0.03),
     )
@@ -158,6 +159,15 @@ def test_a_free_map_is_cut_where_it_differs_from_its_layer_in_sight():
     assert np.nanmax(seen) < 0.2 * values.max()
     assert extension([values], (np.nanmin(seen), np.nanmax(seen))) == "max"
     assert np.array_equal(seen[~blind], values[~blind])
+    # A recording shows the same, where a line of sight would end in what no press shows
+    f.origin_m = np.zeros(3)
+    views = cut_views(f, fit, found.modulus)
+    np.testing.assert_array_equal(views.side_pa, seen)
+    assert views.range_pa[1] == np.nanmax([np.nanmax(views.top_pa), np.nanmax(seen)])
+    assert views.range_pa[1] < 0.2 * map_views(found.modulus, *BOX).range_pa[1]
+    assert views.captions == (
+        "from above, 10 mm below the surface", "from the side, cut at y = 40 mm"
+    )  # fmt: skip
     fit = SimpleNamespace(map=found, field=None)
     assert seen_part(f, fit, side, values) is values
 

@@ -33,7 +33,7 @@ from identify.select import kind_of_map, refuse_effect, with_effects
 from models import InputError, PressProgram, Scan, read_program, touching
 from palpmap.experiment import Experiment, read_study
 from palpmap.prediction_results import MapChange, Prediction
-from palpmap.result.finding import study_outline
+from palpmap.result.outline import study_outline
 from palpmap.result.records import ExplainRecord
 from palpmap.results import Comparison, FitResult, Run
 from palpmap.selection import diagnose, explain, limits, start

@@ -16,7 +16,8 @@ from palpmap.progress import DEMO
 from palpmap.recording.recorder import Recording
 from palpmap.report.fit_console import summary
 from palpmap.report.scan_console import scan_table
-from palpmap.result.finding import Finding, study_outline
+from palpmap.result.finding import Finding
+from palpmap.result.outline import study_outline
 from palpmap.result.scan_record import ScanRecord, scan_record
 from palpmap.result.truth import matched
 from palpmap.results import FitResult

@@ -6,7 +6,7 @@ from identify.fit import fit_map
 from models import InputError, Scan
 from palpmap.experiment import Experiment
 from palpmap.recording.recorder import Recording
-from palpmap.result.finding import study_outline
+from palpmap.result.outline import study_outline
 from palpmap.run_files.fit_run import record_step
 from palpmap.study.study import Study
 

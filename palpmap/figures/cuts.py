@@ -8,7 +8,8 @@ import numpy as np
 
 from identify.fit import SPOTS, FitResult
 from identify.map import FreeMap, Inclusion
-from palpmap.result.finding import Finding, Outline
+from palpmap.result.finding import Finding
+from palpmap.result.outline import Outline
 
 CELLS = 160
 BLIND = SPOTS.seen  # share of the prior's variance taken away, below which a place is blind

@@ -26,13 +26,13 @@ from palpmap.figures.cuts import (
 from palpmap.figures.style import (
     DIFFERENCE_COLORS,
     MODULUS_COLORS,
+    is_wide,
     new_figure,
     plain_log_ticks,
 )
 from palpmap.result.finding import Finding
 
 _BESIDE = 1 / 12  # of the presses' extent across a vertical cut: drawn on it
-_WIDE = 10.0  # ratio of moduli from which on their colours are logarithmic
 
 Law = Callable[[np.ndarray], np.ndarray]
 
@@ -189,7 +189,7 @@ def show_cut(
     would be of one colour.
     """
     right, up = cut.axes
-    wide = colors == MODULUS_COLORS and span[1] > _WIDE * span[0] > 0
+    wide = colors == MODULUS_COLORS and is_wide(span)
     norm = LogNorm(*span) if wide else Normalize(*span)
     low = 1e3 * (f.outline.lower_m + f.origin_m)
     high = 1e3 * (f.outline.upper_m + f.origin_m)

@@ -17,6 +17,7 @@ BLACK, BLUE, ORANGE, GREEN, PINK, SKY = (
 )  # fmt: skip
 GREY = "#8a8f98"
 MODULUS_COLORS = "viridis"
+_WIDE = 10.0  # ratio of moduli from which on their colours are logarithmic
 DIFFERENCE_COLORS = "PuOr_r"
 STYLE: Any = {
     "font.size": 10,
@@ -99,3 +100,12 @@ def widest_axes(points: np.ndarray) -> tuple[int, int]:
     """Return the two axes along which points (j, 3) spread most, in their own order."""
     first, second = sorted(np.argsort(-np.ptp(points, axis=0), kind="stable")[:2])
     return int(first), int(second)
+
+
+def is_wide(span: tuple[float, float]) -> bool:
+    """Return True for moduli so far apart that their colours are logarithmic.
+
+    >>> is_wide((5.0, 30.0)), is_wide((5.0, 80.0))
+    (False, True)
+    """
+    return span[1] > _WIDE * span[0] > 0

@@ -10,12 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from identify.fit import FitResult
 from palpmap.figures.cuts import Cut, cut_name, cuts, sample, sample_in, seen_part
+from palpmap.figures.style import is_wide
 from palpmap.recording.stream import Log
-from palpmap.result.finding import Finding, Outline
+from palpmap.result.finding import Finding
+from palpmap.result.outline import Outline
 
 Field = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 GAP = 0.14  # space between the pictures of a map, as a fraction of the body's width
 _NEAR = 0.1  # of the body's height: the depth of a cut near the surface
+_GROUND = (13, 16, 17)  # of the viewer, where a map has no value
 _LABEL_COLOR = (235, 235, 235)
 
 
@@ -32,6 +35,7 @@ class MapViews:
     side_pa : (nz, nx) Pa, seen along +y, rows along +z
     lower_m, upper_m : (3,) m, corners of the box, body frame
     captions : of the two
+    in_part : NaN where the map is not shown
     """
 
     top_pa: NDArray[np.float64]
@@ -39,6 +43,7 @@ class MapViews:
     lower_m: NDArray[np.float64]
     upper_m: NDArray[np.float64]
     captions: tuple[str, str] = ("from above", "from the side")
+    in_part: bool = False
 
     @property
     def range_pa(self) -> tuple[float, float]:
@@ -93,7 +98,7 @@ def cut_views(finding: Finding, fit: FitResult, modulus: Field) -> MapViews:
     both, outline = cuts(finding), finding.outline
     top, side = (seen_part(finding, fit, cut, sample(finding, cut, modulus)) for cut in both)
     names = (cut_name(finding, both[0]), cut_name(finding, both[1]))
-    return MapViews(top, side, outline.lower_m, outline.upper_m, names)
+    return MapViews(top, side, outline.lower_m, outline.upper_m, names, in_part=True)
 
 
 def near_views(outline: Outline, modulus: Field) -> MapViews:
@@ -101,7 +106,8 @@ def near_views(outline: Outline, modulus: Field) -> MapViews:
     low, high = outline.lower_m, outline.upper_m
     near, middle = Cut(2, _NEAR * float(high[2] - low[2])), Cut(1, float(low[1] + high[1]) / 2)
     top, side = (sample_in(outline, cut, modulus) for cut in (near, middle))
-    return MapViews(top, side, low, high, ("near the surface", "from the side, cut in the middle"))
+    names = ("near the surface", "from the side, cut in the middle")
+    return MapViews(top, side, low, high, names, in_part=True)
 
 
 def _farthest(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
@@ -112,9 +118,15 @@ def _farthest(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
 
 def modulus_colors(modulus_pa: ArrayLike, range_pa: tuple[float, float]) -> NDArray[np.uint8]:
     """Colours (n, 3) of the modulus on the scale of the maps (viridis)."""
-    lower, upper = range_pa
-    share = (np.asarray(modulus_pa, float) - lower) / max(upper - lower, 1e-30)
+    lower, upper = _shown(range_pa, range_pa)
+    share = (_shown(modulus_pa, range_pa) - lower) / max(upper - lower, 1e-30)
     return colormaps["viridis"](np.clip(share, 0, 1), bytes=True)[..., :3].astype(np.uint8)
+
+
+def _shown(modulus_pa: ArrayLike, range_pa: tuple[float, float]) -> NDArray[np.float64]:
+    """Modulus on a scale of its colours, which is logarithmic where they reach far."""
+    modulus = np.asarray(modulus_pa, float)
+    return np.log10(modulus) if is_wide(range_pa) else modulus
 
 
 def residual_colors(residual: ArrayLike, limit: float) -> NDArray[np.uint8]:
@@ -164,20 +176,14 @@ def log_map(
             rr.Transform3D(
                 translation=[*corner, 0.0], scale=[extent[0] / columns, extent[1] / rows, 1.0]
             ),
-            rr.DepthImage(
-                image.astype(np.float32),
-                meter=1.0,
-                colormap="viridis",
-                depth_range=range_pa,
-                magnification_filter="linear",
-            ),
+            _picture(image, range_pa, views.in_part),
         )
     texts = {
         views.captions[0]: (width / 2, -0.6 * gap),
         views.captions[1]: (width / 2, bottom + 0.7 * gap),
     } | {
-        f"{value / 1e3:.3g} kPa": (width + 2.8 * gap, bottom * (1 - share))
-        for share, value in zip((0, 0.5, 1), np.linspace(*range_pa, 3), strict=True)
+        f"{float(f'{value / 1e3:.3g}'):g} kPa": (width + 2.8 * gap, bottom * (1 - share))
+        for share, value in zip((0, 0.5, 1), _evenly(range_pa, 3), strict=True)
     }
     log(
         f"{entity}/captions",
@@ -191,8 +197,30 @@ def log_map(
     )
 
 
+def _picture(
+    image: NDArray[np.float64], range_pa: tuple[float, float], in_part: bool
+) -> rr.DepthImage | rr.Image:
+    """Picture of a modulus; a depth image has a colour everywhere, and a value to look at."""
+    if in_part:
+        colors = modulus_colors(image, range_pa)
+        colors[np.isnan(image)] = _GROUND
+        return rr.Image(colors, magnification_filter="linear")
+    return rr.DepthImage(
+        _shown(image, range_pa).astype(np.float32),
+        meter=1.0,
+        colormap="viridis",
+        depth_range=_shown(range_pa, range_pa),
+        magnification_filter="linear",
+    )
+
+
 def _ramp(range_pa: tuple[float, float]) -> NDArray[np.float64]:
-    return np.linspace(range_pa[1], range_pa[0], 64)[:, None].repeat(2, axis=1)
+    return _evenly(range_pa, 64)[::-1, None].repeat(2, axis=1)
+
+
+def _evenly(range_pa: tuple[float, float], count: int) -> NDArray[np.float64]:
+    """Moduli (count,) at even steps of the colour scale."""
+    return (np.geomspace if is_wide(range_pa) else np.linspace)(*range_pa, count)
 
 
 def log_outlines(

@@ -1,10 +1,9 @@
 """All that figures and report show of one run: fit, scan, comparison, truth, body, its making."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,12 +16,12 @@ from identify.residual import Comparison
 from identify.select import Step
 from models import Scan
 from palpmap.result.caveats import limits_of
+from palpmap.result.outline import Outline, study_outline
 from palpmap.result.records import ParameterRecord
 from palpmap.result.truth import FILE as TRUTH
 from palpmap.result.truth import matched, read_truth
 from palpmap.run_folder import how_made
 from palpmap.study.cell_size import probed_part
-from palpmap.study.contact_body import contact_body
 from palpmap.study.frame import frame_shift_m, in_scan_frame
 from palpmap.study.open_study import Problem
 from palpmap.study.study import Study
@@ -32,26 +31,6 @@ _BALL = (
     "The tip is a ball. Its contact grows with the force, at the rate that the finite elements say "
     "for the contact of half of the press's depth; the body stays linear."
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """The body's box and its inside.
-
-    Attributes
-    ----------
-    lower_m, upper_m : (3,)
-        Corners of the box, body frame, m.
-    inside : callable
-        Points (p, 3) -> (p,) bool, True in the body.
-    top : callable
-        Places (p, 2) -> (p,) m, height of the surface there; NaN beside the body.
-    """
-
-    lower_m: np.ndarray
-    upper_m: np.ndarray
-    inside: Callable[[np.ndarray], np.ndarray]
-    top: Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -201,37 +180,6 @@ def parameter_records(
             at_bound=name in at_bound,
         )
     return found
-
-
-def study_outline(study: Study) -> Outline:
-    """Return the body's box; of a surface, also its inside and its heights."""
-    if study.body.size_m is not None:
-        size = np.array(study.body.size_m)
-        return Outline(
-            np.zeros(3),
-            size,
-            lambda points: np.ones(len(points), dtype=bool),
-            lambda places: np.full(len(places), size[2]),
-        )
-    if study.body.shape == "from-contacts":
-        made = contact_body(study.body)
-        low, high = made.box_m()
-        return Outline(low, high, made.inside, made.surface.heights)
-    import pyvista
-
-    surface: Any = pyvista.read(str(study.body.file))
-    lower, upper = np.array(surface.bounds).reshape(3, 2).T
-
-    def inside(points: np.ndarray) -> np.ndarray:
-        distance = pyvista.PolyData(np.asarray(points)).compute_implicit_distance(surface)
-        return np.asarray(distance["implicit_distance"]) <= 0
-
-    def top(places: np.ndarray) -> np.ndarray:
-        above, below = 2 * upper[2] - lower[2], 2 * lower[2] - upper[2]
-        hits = (surface.ray_trace([*at, above], [*at, below], first_point=True)[0] for at in places)
-        return np.array([hit[2] if len(hit) else np.nan for hit in hits])
-
-    return Outline(lower, upper, inside, top)
 
 
 def step_finding(

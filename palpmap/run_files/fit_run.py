@@ -18,7 +18,8 @@ from palpmap.figures.fit import draw_figures, save_figures
 from palpmap.recording.maps import cut_views, map_views, near_views
 from palpmap.recording.recorder import Recording
 from palpmap.report.fit_report import write_report
-from palpmap.result.finding import Finding, Outline, study_outline
+from palpmap.result.finding import Finding
+from palpmap.result.outline import Outline, study_outline
 from palpmap.result.truth import FILE as TRUTH
 from palpmap.result.truth import read_truth
 from palpmap.run_files.volume import write_vti

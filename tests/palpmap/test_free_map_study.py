@@ -17,7 +17,7 @@ from palpmap.blind.trial import Trial, make_trial
 from palpmap.figures.cuts import cuts, sample, seen_part
 from palpmap.figures.map import extension
 from palpmap.recording.maps import cut_views, map_views
-from palpmap.result.finding import Outline
+from palpmap.result.outline import Outline
 
 STUDY = Path("tests/data/twelve_presses/study.toml").resolve()
 BOX = np.array([[0.0, 0.0, 0.0], [0.06, 0.06, 0.03]])  # of a body, m

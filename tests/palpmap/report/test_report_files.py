@@ -35,8 +35,9 @@ from palpmap.figures.residual import draw_tests
 from palpmap.figures.style import png, settle
 from palpmap.report.fit_console import summary
 from palpmap.report.fit_report import _outcome_table, write_report
-from palpmap.result.finding import Finding, Outline, study_outline
+from palpmap.result.finding import Finding
 from palpmap.result.next_step import after_fit
+from palpmap.result.outline import Outline, study_outline
 from palpmap.result.press_outcomes import PressesRecord, press_record
 from palpmap.result.records import FormCurveRecord
 from palpmap.result.tables import parameter_table

@@ -17,7 +17,7 @@ from palpmap.__main__ import app
 from palpmap.api import fit
 from palpmap.commands.check import check_study
 from palpmap.experiment import read_study
-from palpmap.result.finding import study_outline
+from palpmap.result.outline import study_outline
 from palpmap.study.body_model import _between
 from palpmap.study.contact_body import contact_body
 from palpmap.study.kept_inputs import keep_inputs

@@ -144,6 +144,6 @@ def cut_name(f: Finding, cut: Cut) -> str:
     """Name of a cut, in the scan's frame."""
     if cut.normal == 2:
         depth = 1e3 * cut.at_m
-        return f"from above, {depth:.0f} mm below the surface"
+        return f"{depth:.0f} mm below the surface"
     at = 1e3 * (cut.at_m + f.origin_m[cut.normal])
     return f"from the side, cut at {'xyz'[cut.normal]} = {at:.0f} mm"

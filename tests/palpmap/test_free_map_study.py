@@ -166,7 +166,7 @@ def test_a_free_map_is_cut_where_it_differs_from_its_layer_in_sight():
     assert views.range_pa[1] == np.nanmax([np.nanmax(views.top_pa), np.nanmax(seen)])
     assert views.range_pa[1] < 0.2 * map_views(found.modulus, *BOX).range_pa[1]
     assert views.captions == (
-        "from above, 10 mm below the surface", "from the side, cut at y = 40 mm"
+        "10 mm below the surface", "from the side, cut at y = 40 mm"
     )  # fmt: skip
     fit = SimpleNamespace(map=found, field=None)
     assert seen_part(f, fit, side, values) is values

@@ -32,7 +32,7 @@ from palpmap.figures.style import (
 )
 from palpmap.result.finding import Finding
 
-_BESIDE = 1 / 12  # of the presses' extent across a vertical cut: drawn on it
+_BESIDE = 1 / 12  # of the presses' extent across a vertical cut: drawn on it, or the nearest
 
 Law = Callable[[np.ndarray], np.ndarray]
 
@@ -225,8 +225,8 @@ def _decorate(axes: Axes, f: Finding, cut: Cut, is_truth: bool) -> None:
     if top:
         axes.plot(points[:, right], points[:, up], ".", color="white", ms=3, alpha=0.55)
     else:
-        across = points[:, cut.normal] - 1e3 * (cut.at_m + f.origin_m[cut.normal])
-        beside = points[np.abs(across) < _BESIDE * np.ptp(points[:, cut.normal])]
+        across = np.abs(points[:, cut.normal] - 1e3 * (cut.at_m + f.origin_m[cut.normal]))
+        beside = points[across <= max(_BESIDE * np.ptp(points[:, cut.normal]), across.min())]
         axes.plot(beside[:, right], beside[:, up], "v", color="#222222", ms=3.5, clip_on=False)
     if f.truth is not None:
         draw_circles(axes, f, f.truth.inclusions, cut, "--")

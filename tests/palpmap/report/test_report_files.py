@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.contour import ContourSet
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from identify.fit.files import write_fit
@@ -30,7 +31,7 @@ from palpmap.console import Output
 from palpmap.figures.curves import draw_convergence, draw_curves
 from palpmap.figures.cuts import cuts, sample
 from palpmap.figures.forms import draw_forms
-from palpmap.figures.map import draw_map, draw_uncertainty
+from palpmap.figures.map import _decorate, draw_map, draw_uncertainty
 from palpmap.figures.residual import draw_tests
 from palpmap.figures.style import png, settle
 from palpmap.report.fit_console import summary
@@ -396,6 +397,18 @@ def test_the_cuts_go_through_the_strongest_inclusion_and_towards_the_other(tmp_p
     # Rows go up z from 0 to 30 mm, columns along x from 0 to 60 mm.
     assert row / values.shape[0] * 30 == pytest.approx(19.5, abs=0.4)
     assert column / values.shape[1] * 60 == pytest.approx(30.1, abs=0.4)
+
+
+def test_a_cut_between_two_rows_of_presses_has_the_nearer_one_on_it(tmp_path):
+    finding = load_finding(make_run(tmp_path / "run"))
+    _, vertical = cuts(finding)
+    rows = np.unique(finding.scan.contact_points[:, 1])
+    for place in (rows[0], 0.6 * rows[0] + 0.4 * rows[1]):
+        figure = Figure()
+        axes = figure.add_subplot()
+        _decorate(axes, finding, replace(vertical, at_m=place), is_truth=True)
+        drawn = next(line for line in axes.lines if line.get_marker() == "v")
+        assert len(drawn.get_xdata()) == np.sum(finding.scan.contact_points[:, 1] == rows[0])
 
 
 def test_true_inclusions_are_matched_to_the_nearest_found_ones():

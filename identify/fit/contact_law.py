@@ -4,9 +4,9 @@ Far from the truth a linear score misleads, and one effect may hide another: a b
 first touch looks like a flat tip. A fit with one free compliance per press
 (`identify.fit.free_compliance`) is quick, so that all effects are fitted; unless one leaves too
 little for a second, all pairs with one form of each cause; the best pair with any effect in the
-place of either; and its extensions by a third effect. The best set wins in which every effect earns
-its price. Of many presses some, well spread, serve to compare the sets; those near the best are
-fitted to all.
+place of either; and its extensions by a third effect. These fits are rough, and of many presses to
+some, well spread; the sets near the best are then fitted to the end, and to all. The best set wins
+in which every effect earns its price.
 
 The laws themselves are right to a few per cent (a ball pressed in by a good part of its radius, the
 modulus under the tip from the press's own compliance). An effect must therefore remove at least 5 %
@@ -27,7 +27,7 @@ from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE_TRIAL, ContactLaw
 from identify.measurement.effect_in_model import EffectInModel
 from models import well_spread
 
-_MANY = 1.5  # times `ContactLawSettings.searched`: fewer presses are all searched
+_MANY = 1.5  # times `ContactLawSettings.searched`: fewer presses all serve to compare the sets
 
 
 @dataclass(frozen=True)
@@ -117,27 +117,26 @@ def contact_law(
     say : called with the present task, in words
     """
     plain, count = presses.fit(stated), presses.readings.presses
-    if count < _MANY * settings.searched:
-        fits = search_sets(presses, plain, catalogue, say, settings)
-    else:
-        few = well_spread_presses(presses, settings.searched)
-        quick = replace(settings, margin=settings.margin * few.readings.presses / count)
-        before = few.fit(stated)
-        trials, fits = search_sets(few, before, catalogue, say, quick), {}
+    many = count >= _MANY * settings.searched
+    few = well_spread_presses(presses, settings.searched) if many else presses
+    few = replace(few, settings=FREE_COMPLIANCE_TRIAL)
+    quick = replace(settings, margin=settings.margin * few.readings.presses / count)
+    before = few.fit(stated)
+    trials, fits = search_sets(few, before, catalogue, say, quick), {}
 
-        def fitted(sets: Sequence[Set]) -> None:
-            for names in sets:
-                say(f"fitting all presses alone with {', '.join(names)}")
-                parts = trials[names].parts[len(stated) :]
-                if (fit := fit_set(presses, plain, parts)) is not None:
-                    fits[names] = fit
+    def fitted(sets: Sequence[Set]) -> None:
+        for names in sets:
+            say(f"fitting all presses alone with {', '.join(names)}")
+            parts = trials[names].parts[len(stated) :]
+            if (fit := fit_set(presses, plain, parts)) is not None:
+                fits[names] = fit
 
-        fitted(_near(before, trials, quick))
-        best = _best(plain, fits, settings)
-        if best.noise_share >= settings.noise_share:
-            own = set(best.names) - set(plain.names)
-            fitted([n for n in trials if n not in fits
-                    and _one_of_contact((trials[n], best), own ^ set(n))])  # fmt: skip
+    fitted(_near(before, trials, quick))
+    best = _best(plain, fits, settings)
+    if best.noise_share >= settings.noise_share:
+        own = set(best.names) - set(plain.names)
+        fitted([n for n in trials if n not in fits
+                and _one_of_contact((trials[n], best), own ^ set(n))])  # fmt: skip
     best = _best(plain, fits, settings)
     if best is plain or best.noise_share >= settings.noise_share:
         return ContactLaw(plain, best, fits, settings)
@@ -165,8 +164,7 @@ def well_spread_presses(presses: FreeCompliance, most: int) -> FreeCompliance:
     felt, r = np.flatnonzero(presses.felt), presses.readings
     place = r.point_m[r.first[felt]] / max(float(r.between_m.max()), 1e-9)
     tip = np.log(r.radius_m[r.first[felt]])
-    some = presses.some(felt[well_spread(np.column_stack([place, tip]), most)])
-    return replace(some, settings=FREE_COMPLIANCE_TRIAL)
+    return presses.some(felt[well_spread(np.column_stack([place, tip]), most)])
 
 
 def _near(

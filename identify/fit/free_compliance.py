@@ -144,16 +144,16 @@ class FreeCompliance:
         root, most = np.sqrt(weight)[self.readings.press], self.settings.longest_step
         chain = self.chain([part.effect for part in parts])
         log_c = np.log(self._slopes if compliance is None else compliance)
-        at, follow = np.zeros(0), np.zeros((len(log_c), 0))
+        at, follow, latent = np.zeros(0), np.zeros((len(log_c), 0)), None
         latest: dict[bytes, FreeComplianceFit] = {}
 
         def residuals(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            nonlocal log_c, at, follow
+            nonlocal log_c, at, follow, latent
             values = effect_values(parts, u)
             if len(at):
                 log_c = log_c + np.clip(follow @ (u - at), -most, most)
-            log_c, judged, columns, follow = self._eliminate(chain, parts, u, values, log_c)
-            at = u
+            log_c, judged, columns, follow = self._eliminate(chain, parts, u, values, log_c, latent)
+            at, latent = u, judged.latent_force_n
             r = self._white(judged, judged.residual_m)
             latest.clear()
             latest[u.tobytes()] = FreeComplianceFit(
@@ -191,10 +191,12 @@ class FreeCompliance:
         u: np.ndarray,
         values: Mapping[str, Values],
         log_c: np.ndarray,
+        latent: np.ndarray | None = None,
     ) -> tuple[np.ndarray, Judged, np.ndarray, np.ndarray]:
         """Best ln C (j,) for given effects, the readings there, columns (m, q) beyond C.
 
-        Returned last is the derivative (j, q) of the best ln C by the effects' parameters.
+        It begins at the `latent` forces (m,) of effects nearby, if there are any. Returned last is
+        the derivative (j, q) of the best ln C by the effects' parameters.
         """
         press, presses = self.readings.press, self.readings.presses
         most, widest = self.settings.longest_step * self.felt, self.settings.widest
@@ -202,7 +204,7 @@ class FreeCompliance:
         # To a press of noise alone any compliance fits, also none at all: it has the usual one
         log_c = np.where(self.felt, log_c, usual)
         kept, least, last = log_c, np.full(presses, np.inf), np.zeros(presses)
-        latent, count = None, np.maximum(np.bincount(press, minlength=presses), 1)
+        count = np.maximum(np.bincount(press, minlength=presses), 1)
         for number in range(self.settings.compliance_steps + 1):
             if number == self.settings.compliance_steps:
                 log_c = kept

@@ -195,7 +195,9 @@ class FreeComplianceSettings:
 
 
 FREE_COMPLIANCE = FreeComplianceSettings()
-FREE_COMPLIANCE_TRIAL = replace(FREE_COMPLIANCE, reweighted=1, rtol=1e-3, max_evaluations=15)
+FREE_COMPLIANCE_TRIAL = replace(
+    FREE_COMPLIANCE, reweighted=1, rtol=1e-2, max_evaluations=8, compliance_tol=0.1
+)
 
 
 @dataclass(frozen=True)

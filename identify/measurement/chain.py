@@ -274,16 +274,21 @@ def judge(
     force = chain.readings.force_n
     most = settings.steepest * compliance[chain.readings.press]
     at = force if latent_n is None or not chain.nonlinear else latent_n
+    last = moved = np.zeros(len(force))
     for _ in range(settings.rounds if chain.nonlinear else 1):
         point = OperatingPoint(compliance, modulus, at, values)
         slope = np.clip(chain.by_force(point), -most, most)
         predicted = chain.predict(point) + slope * (force - at)
         residual = displacement_m - predicted
         sigma, latent = latent_force(residual, slope, force, noise)
-        moved = float(np.abs(latent - at).max(initial=0.0))
-        at = latent
-        if moved < settings.tol * chain.readings.largest_force_n:
+        step = latent - at
+        if np.abs(step).max(initial=0.0) < settings.tol * chain.readings.largest_force_n:
+            at = latent
             break
+        # Near no force the steep slope of a ball leads to and fro across it: between both, a secant
+        turned = step * last < 0
+        move = np.where(turned, step * moved / np.where(turned, last - step, 1.0), step)
+        at, last, moved = at + move, step, move
     return Judged(residual, sigma, at, slope)
 
 

@@ -7,7 +7,7 @@ from scipy.optimize import minimize_scalar
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
-from identify.measurement.chain import Chain, OperatingPoint
+from identify.measurement.chain import Chain, OperatingPoint, judge
 from identify.measurement.errors_in_variables import press_table, whitening
 from identify.measurement.noise import Noise, scan_noise
 from models.errors import InputError
@@ -167,3 +167,27 @@ def test_the_noise_expected_beside_creep_is_that_of_repeated_readings():
             drawn.append(chain.predict(at._replace(force_n=force + noise)) - told)
         varied = np.mean(np.square(drawn))
         assert np.mean((slope * 5e-3) ** 2) == pytest.approx(varied, rel=0.012)
+
+
+def test_the_latent_force_of_a_balls_last_readings_settles_from_either_side_of_none():
+    """Where a ball leaves the body its slope is steep, and a step may lead across no force."""
+    *_, force = timing(1)
+    read = np.where(
+        force < 0.1 * force.max(), 0.014, force
+    )  # the last of each unloading, too large
+    readings = Readings.of(scan(np.zeros(len(force)), read, 1))
+    chain = Chain(readings, [], np.full(25, 0.004), "hertz", 0.45)
+    compliance, modulus = np.full(25, 0.02), np.full(25, 5e3)
+    low = chain.predict(OperatingPoint(compliance, modulus, np.minimum(force, 0.002), {}))
+    moved = np.where(
+        read > force, low, chain.predict(OperatingPoint(compliance, modulus, read, {}))
+    )
+    found = [
+        judge(chain, compliance, modulus, moved, NOISE, {}, start).latent_force_n
+        for start in (None, 0.5 * force, -0.01 + 0 * force)
+    ]
+    last = read > force
+    assert last.sum() >= 25
+    assert np.all(np.abs(found[0] - read)[last] > NOISE.force_n)
+    for other in found[1:]:
+        assert_allclose(other, found[0], atol=1e-3 * force.max())

@@ -20,7 +20,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.effects.base import Effect
-from identify.fit.contact_law_sets import Set, criterion_of, fit_set, misfit_scale, search_sets
+from identify.fit.contact_law_sets import (
+    Set,
+    criterion_of,
+    fit_set,
+    misfit_scale,
+    search_sets,
+    split_sets,
+)
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE_TRIAL, ContactLawSettings
@@ -100,6 +107,20 @@ class ContactLaw:
                 near.append((alone, fit))
         return sorted(near, key=lambda pair: self.criterion(pair[1]))
 
+    def splits(self, name: str) -> list[tuple[Set, FreeComplianceFit]]:
+        """Pairs of effects in the place of one that do as well with no more numbers, best first."""
+        (own,) = (p.effect for p in self.found.parts if p.effect.name == name)
+        rest = set(self.names) - {name}
+        most = self.criterion(self.found) + self.settings.margin
+        pairs = [
+            (tuple(n for n in names if n not in rest), fit)
+            for names, fit in self.fits.items()
+            if len(names) == len(self.names) + 1 and rest < set(names)
+            and own.family in names and name not in names
+            and fit.unknowns <= self.found.unknowns and self.criterion(fit) < most
+        ]  # fmt: skip
+        return sorted(pairs, key=lambda pair: self.criterion(pair[1]))
+
 
 def contact_law(
     presses: FreeCompliance,
@@ -139,7 +160,8 @@ def contact_law(
                 and _one_of_contact((trials[n], best), own ^ set(n))])  # fmt: skip
     best = _best(plain, fits, settings)
     if best is plain or best.noise_share >= settings.noise_share:
-        return ContactLaw(plain, best, fits, settings)
+        two = split_sets(presses, plain, best.parts[len(stated) :], catalogue, say)
+        return ContactLaw(plain, best, {**two, **fits}, settings)
     law = ContactLaw(plain, plain, fits, settings)
     # Where presses have laws of their own, a form of several numbers follows their differences
     found = best.parts[len(stated) :]

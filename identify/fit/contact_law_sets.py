@@ -67,6 +67,38 @@ def search_sets(
     return fits
 
 
+def split_sets(
+    presses: FreeCompliance,
+    plain: FreeComplianceFit,
+    found: Sequence[EffectInModel],
+    catalogue: Sequence[Effect],
+    say: Callable[[str], None],
+) -> dict[Set, FreeComplianceFit]:
+    """Fit the first form of a found effect's cause beside another effect, in its place.
+
+    With no more numbers: a play seen from its first loading on is nearly a loop and a late touch.
+    """
+    known = {e.name: e for e in catalogue if e.link != "body"}
+    fits: dict[Set, FreeComplianceFit] = {}
+    for part in found:
+        first = known.get(part.effect.family)
+        if first is None or first.name == part.effect.name:
+            continue
+        rest = [other for other in found if other is not part]
+        taken = {other.effect.family for other in found}
+        room = len(part.effect.parameters) - len(first.parameters)
+        for other in known.values():
+            untestable = other.untestable(presses.readings) is not None
+            if other.family in taken or len(other.parameters) > room or untestable:
+                continue
+            say(f"fitting the presses alone with {first.name}, {other.name}")
+            both = [presses.begun(first, {}), presses.begun(other, {})]
+            fit = fit_set(presses, plain, [*rest, *both])
+            if fit is not None:
+                fits[tuple(p.effect.name for p in (*rest, *both))] = fit
+    return fits
+
+
 def _one_form_each(
     parts: Mapping[str, EffectInModel],
     fits: Mapping[Set, FreeComplianceFit],

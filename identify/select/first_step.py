@@ -21,6 +21,8 @@ from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit
 from identify.select.step import Step
 
+_PAIRS = 3  # of effects in the place of one, at most
+
 
 def selected(
     start: StartFit,
@@ -166,7 +168,8 @@ def _accepted(
     accepted = []
     for name in law.names:
         candidates = [Candidate(name, law.found.chi2, law.criterion(law.found), fit)]
-        for other, alone in law.candidates(name):
+        pairs = [(" with ".join(both), alone) for both, alone in law.splits(name)[:_PAIRS]]
+        for other, alone in [*law.candidates(name), *pairs]:
             say(f"trying {other}")
             beside = _joint_fit(alone, base, fit, fit.map, settings.refit_evaluations)
             if beside is not None:

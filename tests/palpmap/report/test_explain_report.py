@@ -423,7 +423,7 @@ def test_beside_nothing_missing_stand_the_large_effects_that_the_scan_would_not_
         record = told.record.changed(limits=limits, next_presses=())
         return next_steps(record, nothing, told.problem, tmp_path)[-1]
 
-    assert "show: skin_layer, sensitivity_drift. `palpmap limits" in last(
+    assert "would not show: skin_layer, sensitivity_drift. `" in last(
         (0.3, None), (None, 0.2), (None, 0.007)
     )
     assert "how large an effect must be" in last((0.05, None), (None, None), (None, 0.007))

@@ -149,7 +149,7 @@ def late(d, f, t, phase, press):
     return d, measured
 
 
-ALIKE = ("time_lag", "guide_friction", "backlash", "free_loop")
+ALIKE = ("time_lag", "filtered_force", "guide_friction", "backlash", "free_loop")
 """Effects that turn with the way."""
 
 

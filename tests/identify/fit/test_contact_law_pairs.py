@@ -46,6 +46,9 @@ def test_a_play_that_does_as_well_as_a_loop_and_a_late_touch_has_the_pair_beside
     assert found.names == ("play",)
     pairs = found.splits("play")
     assert next(names for names, _ in pairs) == ("hysteresis", "contact_offset")
+    # The same pair is none where it takes more numbers than the effect
+    longer = {names: replace(fit, parts=3 * fit.parts) for names, fit in pairs}
+    assert replace(found, fits={**found.fits, **longer}).splits("play") == []
     values = pairs[0][1].values
     assert abs(values["hysteresis"]["h"] - 0.12) < 0.02
     assert abs(values["contact_offset"]["offset_m"] + 1.8e-4) < 5e-5

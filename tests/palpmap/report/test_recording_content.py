@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rerun as rr
 from numpy.testing import assert_allclose, assert_array_equal
 from rerun.chunk import RrdReader
 
@@ -13,7 +14,14 @@ from palpmap.commands import growing_map
 from palpmap.commands.growing_map import GrowingMap
 from palpmap.recording.frames import Frame
 from palpmap.recording.layout import plot_view
-from palpmap.recording.maps import map_views, modulus_colors, residual_colors
+from palpmap.recording.maps import (
+    _GROUND,
+    MapViews,
+    log_map,
+    map_views,
+    modulus_colors,
+    residual_colors,
+)
 from palpmap.recording.reader import read_summary, scalar_series
 from palpmap.recording.recorder import Recording
 from palpmap.recording.scene import LinkShape, drawn_shape, vertex_normals
@@ -243,6 +251,28 @@ def test_true_and_found_map_and_the_body_share_one_colour_scale(whole_run):
     packed = rows(path, "world/body/surface", "Mesh3D:vertex_colors", "sim_time")[-1]
     colors = np.array([[c >> 24, c >> 16 & 255, c >> 8 & 255] for c in packed])
     assert_array_equal(colors, modulus_colors(modulus(VERTICES), true_views().range_pa))
+
+
+def test_colours_of_moduli_that_lie_far_apart_are_logarithmic_and_nothing_has_the_ground():
+    def colour(modulus_pa: float, span: tuple[float, float]) -> list[int]:
+        return modulus_colors([modulus_pa], span)[0].tolist()
+
+    middle = colour(5.5e3, (1e3, 1e4))
+    assert colour(1e4, (1e3, 1e5)) == middle
+    assert colour(50.5e3, (1e3, 1e5)) != middle
+    image = np.array([[1e3, np.nan], [1e4, 1e5]])
+    views = MapViews(image, image, np.zeros(3), np.ones(3), in_part=True)
+    drawn: dict = {}
+    log_map(lambda entity, *parts: drawn.update({entity: parts}), "map", views, views.range_pa)
+    picture = drawn["map/top"][1]
+    assert isinstance(picture, rr.Image)
+    packed = picture.buffer.as_arrow_array()[0].as_py()
+    pixels = np.array(packed).reshape(2, 2, 3)  # its first row is on top
+    assert pixels[1, 1].tolist() == list(_GROUND)
+    assert pixels[0, 0].tolist() == middle
+    whole = MapViews(np.abs(image[1:]), image[1:], np.zeros(3), np.ones(3))
+    log_map(lambda entity, *parts: drawn.update({entity: parts}), "map", whole, whole.range_pa)
+    assert isinstance(drawn["map/top"][1], rr.DepthImage)
 
 
 def test_both_pictures_of_a_map_see_an_inclusion_wherever_it_lies():

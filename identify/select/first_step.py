@@ -21,8 +21,6 @@ from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit
 from identify.select.step import Step
 
-_PAIRS = 3  # of effects in the place of one, at most
-
 
 def selected(
     start: StartFit,
@@ -168,7 +166,7 @@ def _accepted(
     accepted = []
     for name in law.names:
         candidates = [Candidate(name, law.found.chi2, law.criterion(law.found), fit)]
-        pairs = [(" with ".join(both), alone) for both, alone in law.splits(name)[:_PAIRS]]
+        pairs = [(" with ".join(both), alone) for both, alone in law.splits(name)[: settings.pairs]]
         for other, alone in [*law.candidates(name), *pairs]:
             say(f"trying {other}")
             beside = _joint_fit(alone, base, fit, fit.map, settings.refit_evaluations)

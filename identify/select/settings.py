@@ -91,6 +91,7 @@ class SelectionSettings:
     by_compliance : of a pattern's square: beyond it, an effect acts on compliances alone
     margin : difference of the criterion (chi-square and price) beyond which an effect wins
     followed : equals of an earlier effect that are followed by one of their own, at most
+    pairs : of effects in the place of one that the contact law found, fitted with the map, at most
     close : difference of chi-square below which two effects count as equal at a higher price
     dear : difference of the criterion beyond which they do not
     whole_bound : of an amplitude's bound: a 95 % interval that covers more of it tells nothing
@@ -149,6 +150,7 @@ class SelectionSettings:
     by_compliance: float = 0.9
     margin: float = 10.0
     followed: int = 2
+    pairs: int = 3
     close: float = 5.0
     dear: float = 40.0
     whole_bound: float = 0.95

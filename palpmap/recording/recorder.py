@@ -58,9 +58,7 @@ class Recording:
         live: str | None = None,
     ) -> None:
         if unknown := set(parts) - set(names.PARTS):
-            raise ValueError(
-                f"unknown parts of a recording: {sorted(unknown)}; there are {list(names.PARTS)}"
-            )
+            raise ValueError(f"unknown parts: {sorted(unknown)}; there are {list(names.PARTS)}")
         self.path = Path(path)
         self._planned = planned_presses
         self._dot_m = 0.001

@@ -56,7 +56,8 @@ def study_outline(study: Study) -> Outline:
         distance = pyvista.PolyData(np.asarray(points)).compute_implicit_distance(surface)
         return np.asarray(distance["implicit_distance"]) <= 0
 
-    triangles = np.asarray(surface.triangulate().points[surface.triangulate().regular_faces])
+    flat = surface.triangulate()
+    triangles = np.asarray(flat.points[flat.regular_faces])
 
     def top(places: np.ndarray) -> np.ndarray:
         return _highest(triangles, np.asarray(places))

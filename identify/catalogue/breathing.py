@@ -101,11 +101,15 @@ class Breathing(Advice, Effect):
     def _waves(self, time_s: np.ndarray, course: Sequence[np.ndarray]) -> np.ndarray:
         """Sines and cosines (g, t, q) of the tones at times (t,), along courses (g, 1)."""
         angle = _angle(time_s, *course)
-        turn = np.exp(1j * angle)
-        waves, tone = np.empty((*angle.shape, 2 * self.tones)), np.ones_like(turn)
-        for number in range(self.tones):
-            tone *= turn
-            waves[..., 2 * number], waves[..., 2 * number + 1] = np.imag(tone), np.real(tone)
+        # Rounded only after whole turns are taken off: single precision is ten times as fast here
+        angle -= 2 * math.pi * np.rint(angle / (2 * math.pi))
+        angle = angle.astype(np.float32)
+        waves = np.empty((*angle.shape, 2 * self.tones))
+        sine, cosine = waves[..., 0], waves[..., 1] = np.sin(angle), np.cos(angle)
+        for number in range(1, self.tones):  # by the sums of angles
+            before = waves[..., 2 * number - 2], waves[..., 2 * number - 1]
+            waves[..., 2 * number] = before[0] * cosine + before[1] * sine
+            waves[..., 2 * number + 1] = before[1] * cosine - before[0] * sine
         return waves
 
     def grid(self, readings: Readings, state: BodyState) -> list[Values]:

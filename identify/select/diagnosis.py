@@ -11,6 +11,7 @@ import numpy as np
 
 from identify.effects.base import Effect
 from identify.fit.result import FitResult
+from identify.select.null_distribution import NullNoise
 from identify.select.score_test import (
     Score,
     cosine,
@@ -140,13 +141,13 @@ def diagnose(
     progress : called with the name of each effect before it is scored
     """
     fitted = fitted_basis(fit.at)
-    scores = []
+    scores, noise = [], NullNoise(seed)
     for effect in catalogue:
         if effect.name in fit.effect_names:
             continue
         if progress:
             progress(effect.name)
-        scores.append(score_effect(fit, effect, fitted, seed, settings))
+        scores.append(score_effect(fit, effect, fitted, noise, settings))
         if fit.field is not None and effect.link == "body":  # of its fine mesh, at this map alone
             fit.at.body.forget_other_models()
     scores.sort(key=lambda s: (s.untestable is not None, s.log_p, -s.statistic))

@@ -67,6 +67,29 @@ class ScoreNull:
         return float(np.log(-np.expm1(-np.exp(tail)))) if tail > -20 else float(tail)
 
 
+class NullNoise:
+    """Residuals of pure noise, drawn once for all searches of one diagnosis.
+
+    Parameters
+    ----------
+    seed : of the draws
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        self._seed = seed
+        self._batches: tuple[tuple[int, int], list[np.ndarray]] = ((0, 0), [])
+
+    def batches(self, rows: int, draws: int) -> list[np.ndarray]:
+        """Return residuals (rows, b) of so many draws together, in single precision."""
+        if self._batches[0] != (rows, draws):
+            rng = np.random.default_rng(self._seed)
+            drawn = [
+                rng.standard_normal((rows, _BATCH), np.float32) for _ in range(draws // _BATCH)
+            ]
+            self._batches = ((rows, draws), drawn)
+        return self._batches[1]
+
+
 class NullSearch:
     """Simulation of the largest score over a grid whose candidates come block by block.
 
@@ -78,6 +101,7 @@ class NullSearch:
     candidates : number of all of them
     amplitudes : number of each one's columns, before those that the map absorbs are left out
     one_sided : the score is signed
+    noise : from which the null is simulated
     """
 
     def __init__(
@@ -85,13 +109,12 @@ class NullSearch:
         candidates: int,
         amplitudes: int,
         one_sided: bool,
-        rng: np.random.Generator,
+        noise: NullNoise,
         settings: DiagnosisSettings = DIAGNOSIS,
     ) -> None:
         self.candidates, self.amplitudes = candidates, amplitudes
         self.one_sided, self.settings = one_sided, settings
-        self._rng, self._dof = rng, 1
-        self._noise: list[np.ndarray] = []  # (m, b), the same for all blocks
+        self._noise, self._dof = noise, 1
         self._largest: list[np.ndarray] = []
 
     def add(self, basis: np.ndarray, statistic: float = 0.0) -> None:
@@ -103,15 +126,12 @@ class NullSearch:
         self._dof = max(self._dof, q)
         if self.is_certain(statistic):
             return
-        if not self._noise:
-            self._noise = [
-                self._rng.standard_normal((m, _BATCH)).astype(np.float32)
-                for _ in range(self.settings.draws // _BATCH)
-            ]
-            self._largest = [np.full(_BATCH, -np.inf) for _ in self._noise]
+        noises = self._noise.batches(m, self.settings.draws)
+        if not self._largest:
+            self._largest = [np.full(_BATCH, -np.inf) for _ in noises]
         # In single precision: maxima of a thousand draws are known to two digits
         flat = np.ascontiguousarray(basis.transpose(0, 2, 1).reshape(g * q, m), np.float32)
-        for largest, noise in zip(self._largest, self._noise, strict=True):
+        for largest, noise in zip(self._largest, noises, strict=True):
             t = (flat @ noise).reshape(g, q, _BATCH)
             score = t[:, 0] if self.one_sided else np.sum(t**2, axis=1)
             np.maximum(largest, score.max(axis=0), out=largest)

@@ -23,7 +23,7 @@ from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.optimize.result import InadmissibleError
 from identify.residual.hypothesis_tests import orthonormal
-from identify.select.null_distribution import NullSearch
+from identify.select.null_distribution import NullNoise, NullSearch
 from identify.select.patterns import EffectPattern, effect_patterns, pattern_blocks
 from identify.select.settings import DIAGNOSIS, DiagnosisSettings
 
@@ -118,7 +118,7 @@ def score_effect(
     fit: FitResult,
     effect: Effect,
     fitted: np.ndarray,
-    seed: int = 0,
+    noise: NullNoise | None = None,
     settings: DiagnosisSettings = DIAGNOSIS,
 ) -> Score:
     """Score one effect from a fit.
@@ -126,7 +126,7 @@ def score_effect(
     Parameters
     ----------
     fitted : `fitted_basis(fit.at)`
-    seed : of the simulated null
+    noise : from which the null is simulated; drawn anew without it
     """
     model, at = fit.model, fit.at
     count, sign = len(at.residual), side(effect.bounded(model.readings, at.state))
@@ -138,7 +138,7 @@ def score_effect(
         len(shapes) * (1 + levels),
         len(effect.amplitudes),
         sign != 0,
-        np.random.default_rng(seed),
+        noise or NullNoise(),
         settings,
     )
     best, most_visible = None, 0.0

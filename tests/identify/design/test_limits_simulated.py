@@ -67,7 +67,7 @@ def score(problem, name, size, seed, shape):
     hidden, truth = planted_scan(name, size, seed, (RADIUS_M,), values=dict(shape))
     plain, _ = planted_scan(None, seed=seed, radii=(RADIUS_M,))
     found, none = refitted(problem, hidden), refitted(problem, plain)
-    beyond = score_effect(found, effect, fitted_basis(found.at), 0).beyond
+    beyond = score_effect(found, effect, fitted_basis(found.at)).beyond
     score = np.linalg.norm(beyond.T @ (found.at.residual - none.at.residual))
     return float(score), truth["effects"][0]["size"]
 

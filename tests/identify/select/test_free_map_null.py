@@ -18,6 +18,7 @@ from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
 from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
+from identify.select.null_distribution import NullNoise
 from identify.select.score_test import fitted_basis, score_effect
 from tests.identify.select.loop_problem import NOISE, SIZE, scan, timing, uncorrected
 
@@ -52,11 +53,11 @@ def test_p_values_of_all_effects_are_uniform_beside_a_free_map():
         )  # fmt: skip
         at = model.around(body, NONE)
         fit: Any = SimpleNamespace(model=model, at=at, expected_residual=0.0)
-        fitted = fitted_basis(at)
+        fitted, noise = fitted_basis(at), NullNoise(seed)
         for effect in CATALOGUE:
             if "frequency_hz" in [p.name for p in effect.parameters] and seed % 5:
                 continue  # most of the time
-            score = score_effect(fit, effect, fitted, seed)
+            score = score_effect(fit, effect, fitted, noise)
             if score.untestable is None:
                 p_values[effect.name].append(score.p_value)
     tested = {name: np.array(p) for name, p in p_values.items() if p}

@@ -19,7 +19,7 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
 from identify.select.diagnosis import diagnose
 from identify.select.forward_selection import forward_selection
-from identify.select.null_distribution import NullSearch
+from identify.select.null_distribution import NullNoise, NullSearch
 from identify.select.patterns import EffectPattern, effect_patterns
 from identify.select.score_test import beyond, fitted_basis, score_effect
 from identify.select.settings import DiagnosisSettings
@@ -47,7 +47,7 @@ def test_a_direction_that_the_model_contains_is_no_degree_of_freedom():
     expected, _ = np.linalg.qr(free - fitted @ (fitted.T @ free))
     assert_allclose(basis[0] @ basis[0].T, expected @ expected.T, atol=1e-12)
     assert 0 < visible[0] < 1
-    search = NullSearch(1, 3, False, rng)
+    search = NullSearch(1, 3, False, NullNoise(5))
     search.add(basis)
     assert search.null().dof == 2
 
@@ -70,7 +70,7 @@ def test_patterns_that_come_at_once_are_those_of_the_hook(name, monkeypatch):
 
 
 def test_a_certain_score_widens_the_search_and_counts_what_was_tried():
-    search = NullSearch(100, 2, False, np.random.default_rng(0))
+    search = NullSearch(100, 2, False, NullNoise())
     assert search.is_certain(200.0)
     before = search.null(200.0).log_p(200.0)
     search.widen(900)
@@ -102,7 +102,7 @@ def test_a_searched_score_has_the_simulated_null():
     rng = np.random.default_rng(1)
     basis = rng.standard_normal((40, 300, 1))
     basis /= np.linalg.norm(basis, axis=1, keepdims=True)
-    search = NullSearch(40, 1, True, np.random.default_rng(2))
+    search = NullSearch(40, 1, True, NullNoise(2))
     for block in (basis[:17], basis[17:]):
         search.add(block)
     null = search.null()
@@ -120,7 +120,7 @@ def test_a_score_does_not_depend_on_the_memory_that_it_may_take(name):
     fit = fit_jointly(drawn, TRUE, rounds=0, max_evaluations=1)
     fitted = fitted_basis(fit.at)
     whole, small = (
-        score_effect(fit, CATALOGUE[name], fitted, 3, DiagnosisSettings(block_bytes=b))
+        score_effect(fit, CATALOGUE[name], fitted, NullNoise(3), DiagnosisSettings(block_bytes=b))
         for b in (1e9, 1.0)
     )
     assert_allclose(small.statistic, whole.statistic, rtol=1e-4)
@@ -168,11 +168,12 @@ def test_p_values_of_all_forms_are_uniform_at_the_true_map():
         drawn = model(null_scan(seed), body())
         at = drawn.linearise(drawn.start(TRUE))
         fit: Any = SimpleNamespace(model=drawn, at=at, expected_residual=0.0)
-        fitted = fitted_basis(at)
+        fitted, noise = fitted_basis(at), NullNoise(seed)
         for effect in FORMS:
             if "frequency_hz" in [p.name for p in effect.parameters] and seed % 5:
                 continue  # a quarter of a second each
-            p_values[effect.name].append(score_effect(fit, effect, fitted, seed).p_value)
+            score = score_effect(fit, effect, fitted, noise)
+            p_values[effect.name].append(score.p_value)
     chances = {name: float(stats.kstest(p, "uniform").pvalue) for name, p in p_values.items()}
     assert min(chances.values()) > 0.01, chances
     rates = {name: float(np.mean(np.array(p) < 0.01)) for name, p in p_values.items()}

@@ -26,6 +26,7 @@ from identify.fit.contact_law_sets import (
     fit_set,
     misfit_scale,
     search_sets,
+    sharpened,
     split_sets,
 )
 from identify.fit.free_compliance import FreeCompliance
@@ -148,9 +149,10 @@ def contact_law(
     def fitted(sets: Sequence[Set]) -> None:
         for names in sets:
             say(f"fitting all presses alone with {', '.join(names)}")
-            parts = trials[names].parts[len(stated) :]
+            # Few presses have narrower bounds: a jump near the scan's ends, a reach
+            parts = [presses.part(p.effect, p.start) for p in trials[names].parts[len(stated) :]]
             if (fit := fit_set(presses, plain, parts)) is not None:
-                fits[names] = fit
+                fits[names] = sharpened(presses, plain, fit, settings.shapes)
 
     fitted(_near(before, trials, quick))
     best = _best(plain, fits, settings)

@@ -1,6 +1,7 @@
 """The sets of effects among which a contact law is sought, fitted to the presses alone."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -149,37 +150,94 @@ def fit_set(
     return None if fit.at_bound or doubtful or not np.isfinite(fit.misfit) else fit
 
 
+def sharpened(
+    presses: FreeCompliance, plain: FreeComplianceFit, fit: FreeComplianceFit, most: int
+) -> FreeComplianceFit:
+    """Fit once more from nearer shapes of a grid, if there are any, and return the better fit.
+
+    No derivative leads to the instant of a jump, which lies between two presses; nor is it among a
+    sample of the presses.
+    """
+    parts = []
+    for part in fit.parts[len(plain.parts) :]:
+        shapes = part.effect.grid(presses.readings, presses.state)
+        if len(shapes) > most and len(shapes[0]) == 1:
+            own = fit.values[part.effect.name]
+            shape = _nearest_shape(shapes, most, _fall(presses, fit, part.effect.name))
+            part = replace(part, start={**own, **shape})
+        parts.append(part)
+    if parts == list(fit.parts[len(plain.parts) :]):
+        return fit
+    again = fit_set(presses, plain, parts)
+    return fit if again is None or again.misfit >= fit.misfit else again
+
+
+def _fall(presses: FreeCompliance, fit: FreeComplianceFit, name: str) -> Callable[[Values], float]:
+    """Return the fall of a fit's squared residual with another shape of one of its effects."""
+    move = _move(presses, fit, [part.effect for part in fit.parts])
+    weight = fit.weight[fit.press]
+
+    def fall(shape: Values) -> float:
+        moved = move(fit.values, {**fit.values, name: {**fit.values[name], **shape}})
+        return float(weight @ (fit.residual_m**2 - (fit.residual_m - moved) ** 2))
+
+    return fall
+
+
+def _move(
+    presses: FreeCompliance, fit: FreeComplianceFit, effects: Sequence[Effect]
+) -> Callable[[Mapping[str, Values], Mapping[str, Values]], np.ndarray]:
+    """Return the change (m,) between two values of effects, less that of the compliances."""
+    press, count = fit.press, len(fit.compliance)
+    chain, force = presses.chain(effects), presses.readings.force_n
+    modulus = presses.unit_compliance / fit.compliance
+
+    def move(one: Mapping[str, Values], other: Mapping[str, Values]) -> np.ndarray:
+        sides = (chain.predict(OperatingPoint(fit.compliance, modulus, force, values))
+                 for values in (one, other))  # fmt: skip
+        moved = -np.subtract(*sides)
+        slope = np.bincount(press, force * moved, count) / np.bincount(press, force**2, count)
+        return moved - force * slope[press]
+
+    return move
+
+
+def _nearest_shape(shapes: Sequence[Values], most: int, score: Callable[[Values], float]) -> Values:
+    """Return the shape of the highest score among some, evenly spread.
+
+    Shapes of one number are in order: between the best one's neighbours the search goes on.
+    """
+    low, high = 0, len(shapes) - 1
+    while True:
+        chosen = np.unique(np.linspace(low, high, most).round().astype(int))
+        best = int(np.argmax([score(shapes[i]) for i in chosen]))
+        if high - low < most or len(shapes[0]) > 1:
+            return shapes[chosen[best]]
+        low, high = chosen[max(best - 1, 0)], chosen[min(best + 1, len(chosen) - 1)]
+
+
 def _start(presses: FreeCompliance, plain: FreeComplianceFit, effect: Effect, most: int) -> Values:
     """Null of the amplitudes, and the candidate of the shape nearest to the residual."""
     shapes = effect.grid(presses.readings, presses.state)
-    if len(shapes) > most:
-        chosen = np.linspace(0, len(shapes) - 1, most).round().astype(int)
-        shapes = [shapes[i] for i in chosen]
     if len(shapes) == 1:
         return {**shapes[0], **effect.null}
-    press, count = plain.press, len(plain.compliance)
-    chain = presses.chain([*(part.effect for part in plain.parts), effect])
-    modulus = presses.unit_compliance / plain.compliance
-    force = presses.readings.force_n
-    likeness = []
-    for shape in shapes:
-        sides = []
-        for size in (0.0, _STEP):
-            values = {**shape, **effect.null}
-            for p in effect.bounded(presses.readings, presses.state):
-                if p.null is not None:
-                    values[p.name] = p.null + size * p.typical * (-1 if p.upper == p.null else 1)
-            both = {**plain.values, effect.name: values}
-            at = OperatingPoint(plain.compliance, modulus, force, both)
-            sides.append(chain.predict(at))
-        moved = sides[1] - sides[0]
-        moved -= force * (np.bincount(press, force * moved, count)
-                          / np.bincount(press, force**2, count))[press]  # fmt: skip
-        along = plain.weight[press] * moved
+    move = _move(presses, plain, [*(part.effect for part in plain.parts), effect])
+    bounded = effect.bounded(presses.readings, presses.state)
+
+    def likeness(shape: Values) -> float:
+        none, values = {**shape, **effect.null}, {**shape, **effect.null}
+        for p in bounded:
+            if p.null is not None:
+                values[p.name] = p.null + _STEP * p.typical * (-1 if p.upper == p.null else 1)
+        moved = move({**plain.values, effect.name: none}, {**plain.values, effect.name: values})
+        along = plain.weight[plain.press] * moved
         length = float(np.sqrt(moved @ along))
-        likeness.append(float(along @ plain.residual_m) / length if length > 0 else -np.inf)
-    best = int(np.argmax(likeness if effect.one_sided else np.abs(likeness)))
-    return {**shapes[best], **effect.null}
+        if length == 0:
+            return -np.inf
+        found = float(along @ plain.residual_m) / length
+        return found if effect.one_sided else abs(found)
+
+    return {**_nearest_shape(shapes, most, likeness), **effect.null}
 
 
 def _ordered(names: Set, parts: Mapping[str, EffectInModel]) -> Set:

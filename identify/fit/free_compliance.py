@@ -161,7 +161,10 @@ class FreeCompliance:
                 judged.residual_m / judged.slope, _at_bound(parts, values), self.felt,
                 self.settings,
             )  # fmt: skip
-            return root * r, -root[:, None] * columns
+            columns = -root[:, None] * columns
+            # A step that no derivative leads to (the instant of a jump) would shorten all others
+            columns[:, np.linalg.norm(columns, axis=0) < self.settings.unfelt] = 0.0
+            return root * r, columns
 
         start = np.concatenate([np.empty(0), *(part.to_scaled() for part in parts)])
         if len(start) == 0:

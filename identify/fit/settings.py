@@ -176,6 +176,7 @@ class FreeComplianceSettings:
         its compliance is not so many times that of the middle one
     tail : chi-square per reading from which a press loses its weight
     reweighted : fits with renewed weights
+    unfelt : a parameter stands still whose scale moves the readings by less, in their noise
     ftol, rtol : decrease of half of chi-square that ends a fit, absolute and relative
     max_evaluations : of a fit
     """
@@ -189,6 +190,7 @@ class FreeComplianceSettings:
     softest: float = 10.0
     tail: float = 4.0
     reweighted: int = 3
+    unfelt: float = 0.1
     ftol: float = 0.05
     rtol: float = 1e-4
     max_evaluations: int = 30

@@ -172,7 +172,7 @@ def touching(scan: Scan) -> Scan:
 
 
 def _without_contact(scan: Scan) -> list[int]:
-    """Presses held at almost no force, or with a force that noise alone explains.
+    """Presses without any force, held at almost none, or with one that noise alone explains.
 
     Noise is told by the third differences within presses, robustly; the slope of force over travel
     then has the standard deviation noise / sqrt(sum of squares of the travel).
@@ -188,7 +188,7 @@ def _without_contact(scan: Scan) -> list[int]:
         away = travel - travel.mean()
         rise, size = float(away @ force), float(np.sqrt(away @ away))
         none = len(force) > 3 and rise <= NO_RISE * noise * size
-        if none and force.max() < LITTLE_FORCE * typical:
+        if not force.any() or (none and force.max() < LITTLE_FORCE * typical):
             found.append(press)
         elif len(held) and held.max() < NO_FORCE * typical:
             found.append(press)

@@ -218,6 +218,14 @@ def test_hold_without_contact_and_collapsed_force_are_said_press_by_press():
     assert found == {"no_contact": (5,), "collapsed": (9,)}
 
 
+def test_a_press_without_any_force_met_no_body_however_few_its_readings():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    few = scan.rows(np.concatenate([np.flatnonzero(scan.press == p)[:3] for p in range(12)]))
+    force = np.where(few.press == 5, 0.0, few.force_n)
+    assert kinds(few.replace(force_n=force))["no_contact"] == (5,)
+    assert 5 not in touching(few.replace(force_n=force)).press
+
+
 def test_a_press_without_a_phase_that_the_others_have_is_said():
     scan = read_scan(LAB / "case_a" / "scan.csv")
     cut = scan.rows(~((scan.press == 4) & (scan.phase == "unload")))

@@ -237,7 +237,8 @@ class FreeMapFit:
         stiffness, at = point.model.space.start, point.model.around(point.body, point.u)
         assert isinstance(stiffness, FreeMap)
         mean = {LEVEL: float(np.exp(stiffness.log_pa.mean()))}
-        chi2, dof = posterior.chi2, max(len(at.residual) - len(point.u), 1)
+        counted = np.count_nonzero(self.weight[point.model.readings.press])
+        chi2, dof = posterior.chi2, max(int(counted) - len(point.u), 1)
         step = FreeMapIteration(number, mean, chi2, chi2 / dof, at.rms_m, stiffness)
         self.history.append(step)
         if self.progress:

@@ -31,7 +31,10 @@ def fit_result(
         total = noise_alone + _covariance_of_meshes(model, at, noise_alone)
     slope, body, mechanics = model.unknowns.slope(u), at.body, model.mechanics
     presses = np.ones(len(body.compliance))
-    dof = max(len(at.residual) - len(u), 1)
+    counted, uncertain = len(at.residual), model.map_uncertainty
+    if uncertain is not None:
+        counted = uncertain.counted(model.readings.press)
+    dof = max(counted - len(u), 1)
     at_bound = started.unknowns.at_bound(u)
     return FitResult(
         map=model.map(u),

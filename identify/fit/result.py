@@ -180,7 +180,14 @@ class FitResult:
 
         Chi-square is then that of the readings beside every map of the prior.
         """
-        return max(len(self.residual_m) - self.unknowns, 1)
+        return max(self.counted - self.unknowns, 1)
+
+    @property
+    def counted(self) -> int:
+        """Number of readings, but for those of presses that a free map leaves out."""
+        if self.solution is None or (uncertain := self.model.map_uncertainty) is None:
+            return len(self.residual_m)
+        return uncertain.counted(self.press_index)
 
     @property
     def unknowns(self) -> int:
@@ -190,7 +197,7 @@ class FitResult:
     @property
     def bic(self) -> float:
         """Bayesian information criterion: chi-square + k ln m."""
-        return self.chi2 + self.unknowns * float(np.log(len(self.residual_m)))
+        return self.chi2 + self.unknowns * float(np.log(self.counted))
 
     # ---- of a fit that was made here, not read -------------------------------------------
 

@@ -68,6 +68,10 @@ class MapUncertainty:
         """Numbers of each press, q."""
         return len(self.own) // len(self.felt)
 
+    def counted(self, press: np.ndarray) -> int:
+        """Return the number of readings, each of a `press` (m,), that are not left out."""
+        return int(np.count_nonzero(self.felt[press]))
+
 
 @dataclass(frozen=True, eq=False)
 class MarginalMap:

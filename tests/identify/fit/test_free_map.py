@@ -402,3 +402,14 @@ def test_layers_are_alike_at_one_height_with_the_covariance_of_their_own():
     assert layers == pytest.approx(0.25 * (1 + s) * np.exp(-s), abs=1e-12)
     draws = prior.draws(np.random.default_rng(4), 20000)
     assert np.cov(draws.T) == pytest.approx(covariance, abs=0.06)
+
+
+def test_readings_of_presses_that_are_left_out_do_not_count(body, grid):
+    model = model_of(body, grid, FreeMap(grid, np.full(len(grid), LEVEL)), np.random.default_rng(1))
+    weight = np.ones(model.readings.presses)
+    weight[:8] = 0.0
+    fit = FreeMapFit(model, Hyper(0.02, 0.3, 0.01), (0.012, 0.06), weight=weight).run()
+    assert fit.dof == fit.counted == 17 * len(FORCES_N)
+    assert fit.chi2_per_dof == pytest.approx(fit.chi2 / fit.dof)
+    assert fit.history[-1].chi2_per_dof == pytest.approx(fit.history[-1].chi2 / fit.dof)
+    assert "smaller than the noise" not in fit.message

@@ -19,6 +19,7 @@ from identify.effects.unknown_course import UNKNOWN
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
+from identify.fit.free_map.parametric_evidence import parametric_evidence
 from identify.fit.free_map_start import fit_free_map
 from identify.fit.result import FitResult
 from identify.measurement.effect_in_model import EffectInModel
@@ -127,8 +128,13 @@ def _answer(
     excess: float,
     settings: SelectionSettings,
 ) -> OtherMap:
+    uncertain, at = fit.model.map_uncertainty, last.solution
     assert fit.field is not None
-    error, more = fit.field.hyper.error, float(fit.field.log_evidence + last.bic / 2)
+    assert uncertain is not None
+    assert at is not None
+    # Not from the criterion: a free map counts presses that scatter more than the noise less
+    few = parametric_evidence(at.model, at.at.body, at.u, uncertain.felt)
+    error, more = fit.field.hyper.error, float(fit.field.log_evidence - few)
     answer: Answer = "no_map"
     if compare(fit, free.scan, settings.residual).is_noise:
         smooth: Answer = "another_map" if more > settings.margin / 2 else "either"

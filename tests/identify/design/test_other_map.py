@@ -5,6 +5,9 @@ The truth has a finer mesh of its own and a map that no inclusion is like.
 
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -124,3 +127,23 @@ def test_the_question_arises_beside_an_open_verdict_only(verdict):
 
     Answered.fitted_verdict = verdict
     assert other_map(Answered, None, None) is None
+
+
+def test_the_evidence_of_both_maps_counts_presses_alike(monkeypatch):
+    """Weights of the presses alone raise a free map's evidence beside a plain criterion."""
+    question: Any = import_module("identify.design.other_map")  # the folder has its function's name
+    felt, asked = np.ones(3), []
+    monkeypatch.setattr(question, "compare", lambda *_: SimpleNamespace(is_noise=True))
+    monkeypatch.setattr(
+        question, "parametric_evidence", lambda *given: asked.append(given) or -80.0
+    )
+    free: Any = SimpleNamespace(
+        field=SimpleNamespace(hyper=SimpleNamespace(error=0.0), log_evidence=-78.0), chi2=1.0,
+        dof=1, chi2_per_dof=1.0, effect_names=(),
+        model=SimpleNamespace(map_uncertainty=SimpleNamespace(felt=felt)),
+    )  # fmt: skip
+    solution = SimpleNamespace(model="model", at=SimpleNamespace(body="body"), u="u")
+    last: Any = SimpleNamespace(solution=solution, bic=200.0)
+    found = question._answer(free, last, SimpleNamespace(scan=None), 1.0, SELECTION)
+    assert asked == [("model", "body", "u", felt)]
+    assert (found.answer, found.more_evidence) == ("either", 2.0)

@@ -74,7 +74,7 @@ def read_fit(path: str | Path) -> FitResult:
         )
     try:
         return _fit(content)
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{path}: damaged fit, cannot use {error}; `palpmap fit` writes it anew"
         ) from error

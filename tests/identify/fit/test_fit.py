@@ -385,6 +385,9 @@ def test_a_fit_of_a_newer_schema_or_another_file_is_refused(twin_fit, tmp_path):
     path.write_text(json.dumps({**content, "schema": 99}))
     with pytest.raises(InputError, match="schema 99"):
         read_fit(path)
+    path.write_text(json.dumps({**content, "map": [1, 2]}))
+    with pytest.raises(InputError, match="damaged fit"):
+        read_fit(path)
     del content["noise"]
     path.write_text(json.dumps(content))
     with pytest.raises(InputError, match="noise"):

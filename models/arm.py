@@ -119,10 +119,12 @@ def read_arm(arm: str | Path = "panda") -> Arm:
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror}), expected in an arm's folder; "
                          "see docs/files.md") from error  # fmt: skip
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{file}: is no TOML ({error}); correct it") from error
     _refuse_unknown(table, _KEYS, file, "")
     probe = table.get("probe", {})
+    if not isinstance(probe, Mapping):
+        raise InputError(f"{file}, key probe: found {probe!r}, expected a table [probe]")
     _refuse_unknown(probe, _PROBE_KEYS, file, "probe.")
     if ("body" in probe) == ("flange" in probe):
         raise InputError(
@@ -133,7 +135,7 @@ def read_arm(arm: str | Path = "panda") -> Arm:
     model = _model_file(str(_needed(table, "model", file)), folder, file)
     count = len(joints)
     speed = (
-        _numbers(table, "speed_limit_rad_per_s", count, file)
+        _positives(table, "speed_limit_rad_per_s", count, file)
         if "speed_limit_rad_per_s" in table
         else _speed_of_urdf(model, joints, file)
     )
@@ -143,7 +145,7 @@ def read_arm(arm: str | Path = "panda") -> Arm:
         joints,
         _numbers(table, "home_rad", count, file),
         speed,
-        _numbers(table, "acceleration_limit_rad_per_s2", count, file),
+        _positives(table, "acceleration_limit_rad_per_s2", count, file),
         _positive(table, "armature_kg_m2", 0.1, file),
         _positive(table, "damping_n_m_s", 1.0, file),
         _probe(probe, file),
@@ -187,17 +189,25 @@ def _model_file(model: str, folder: Path, file: Path) -> Path:
 def _speed_of_urdf(model: Path, joints: tuple[str, ...], file: Path) -> np.ndarray:
     limits = {}
     if model.suffix.lower() == ".urdf":
-        for joint in ElementTree.parse(model).getroot().iter("joint"):
+        try:
+            root = ElementTree.parse(model).getroot()
+        except ElementTree.ParseError as error:
+            raise InputError(f"{model}: is no URDF ({error}); correct it") from error
+        for joint in root.iter("joint"):
             limit = joint.find("limit")
             if limit is not None and limit.get("velocity"):
-                limits[joint.get("name")] = float(str(limit.get("velocity")))
+                limits[joint.get("name")] = limit.get("velocity")
     missing = [name for name in joints if name not in limits]
     if missing:
         raise InputError(
             f"{file}, key speed_limit_rad_per_s: missing, and the model states no limit of "
             f"{missing[0]}; add one number for each joint"
         )
-    return np.array([limits[name] for name in joints])
+    try:
+        speed = np.array([limits[name] for name in joints], float)
+    except ValueError as error:
+        raise InputError(f"{model}, limit velocity: {error}, expected a number") from error
+    return _checked_positive(speed, f"{model}, limit velocity")
 
 
 def _needed(table: Mapping[str, Any], key: str, file: Path) -> Any:
@@ -216,16 +226,26 @@ def _words(table: Mapping[str, Any], key: str, file: Path) -> tuple[str, ...]:
 def _numbers(table: Mapping[str, Any], key: str, count: int, file: Path) -> np.ndarray:
     found = _needed(table, key, file)
     right = isinstance(found, list) and len(found) == count
-    if not right or not all(isinstance(n, int | float) for n in found):
+    if not right or not all(isinstance(n, int | float) and np.isfinite(n) for n in found):
         raise InputError(f"{file}, key {key}: found {found!r}, expected a list of {count} numbers")
     array = np.array(found, float)
     array.flags.writeable = False
     return array
 
 
+def _positives(table: Mapping[str, Any], key: str, count: int, file: Path) -> np.ndarray:
+    return _checked_positive(_numbers(table, key, count, file), f"{file}, key {key}")
+
+
+def _checked_positive(found: np.ndarray, place: str) -> np.ndarray:
+    if not np.all((found > 0) & np.isfinite(found)):
+        raise InputError(f"{place}: found {found.tolist()}, expected positive numbers")
+    return found
+
+
 def _positive(table: Mapping[str, Any], key: str, default: float, file: Path) -> float:
     found = table.get(key, default)
-    if not isinstance(found, int | float) or not found > 0:
+    if not isinstance(found, int | float) or not 0 < found < np.inf:
         raise InputError(f"{file}, key {key}: found {found!r}, expected a positive number")
     return float(found)
 

@@ -299,11 +299,47 @@ def test_an_arm_of_ones_own_is_a_folder(tmp_path):
         (('"own.xml"', '"other.xml"'), "no file .*other.xml"),
         (('flange = "hand"\n', ""), "expected either body .* or flange"),
         (("0.2", "-0.2"), "key length_m: found -0.2, expected a positive number"),
+        (("[0.0, 0.5]", "[0.0, nan]"), "key home_rad: found .* expected a list of 2 numbers"),
+        (("[2.0, 2.0]", "[2.0, -1.0]"), "key speed_limit.*: found .*-1.0.*, expected positive"),
     ],
 )
 def test_an_arm_that_cannot_be_built_is_refused_by_its_key(change, message, tmp_path):
     with pytest.raises(InputError, match=message):
         build_laboratory(arm=read_arm(folder_of(tmp_path, TABLE.replace(*change))))
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        ("<robot", "own.urdf: is no URDF"),
+        (
+            '<robot><joint name="a"><limit velocity="fast"/></joint></robot>',
+            "limit velocity: .*fast",
+        ),
+        (
+            '<robot><joint name="a"><limit velocity="-2"/></joint></robot>',
+            "expected positive numbers",
+        ),
+    ],
+)
+def test_a_urdf_without_speeds_is_refused(model, message, tmp_path):
+    (tmp_path / "own.urdf").write_text(model)
+    (tmp_path / "arm.toml").write_text(
+        'model = "own.urdf"\njoints = ["a"]\nhome_rad = [0]\n'
+        'acceleration_limit_rad_per_s2 = [1]\n[probe]\nflange = "f"\n'
+    )
+    with pytest.raises(InputError, match=message):
+        read_arm(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(b"probe = 3", "key probe: found 3, expected a table"), (b'name = "\xff"', "is no TOML")],
+)
+def test_a_damaged_table_of_an_arm_is_refused(content, message, tmp_path):
+    (tmp_path / "arm.toml").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_arm(tmp_path)
 
 
 def test_an_unknown_arm_is_refused_with_the_nearest():

@@ -37,7 +37,9 @@ def expected_residual(
     residual : whitened residual (m,) at scaled coordinates (k,)
     u : (k,) the estimate, in coordinates of order one
     here : (m,) the residual there
-    covariance : (k, k) of the estimate
+    covariance : (k, k) of the estimate; a direction of more than `longest_step`, or than the room
+        up to a bound, counts as known to that: beyond it the series says nothing, and a second
+        difference scaled up to it would be rounding times the covariance
     bounds : (k,) each; a coordinate at one does not move, and none moves beyond one
     settings : `straight_step` and `longest_step` of the difference quotients
 

@@ -81,14 +81,16 @@ def predicted_error(
     fit: FitResult, out: np.ndarray, settings: CrossValidationSettings = CROSS_VALIDATION
 ) -> np.ndarray:
     """Whitened error of the prediction of the rows `out` (m,) bool from the others."""
-    g, r = fit.at.jacobian, fit.at.residual
+    # A parameter at a bound does not follow: the other rows hold it there, too
+    free = np.array([name not in fit.at_bound for name in fit.covariance_names], bool)
+    g, r = fit.at.jacobian[:, free], fit.at.residual
     scale = np.linalg.norm(g, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     g = g / scale
     rest = g[~out].T @ g[~out]
     step = np.linalg.lstsq(rest, g[out].T @ r[out], rcond=1e-12)[0]
     longest = _longest_step(fit, settings.longest_step)
-    share = float(np.min(longest * scale / np.maximum(np.abs(step), 1e-300), initial=1.0))
+    share = float(np.min(longest[free] * scale / np.maximum(np.abs(step), 1e-300), initial=1.0))
     if share < 1:
         with suppress(InadmissibleError, SolverError):
             return _refitted_error(fit, out, longest, settings)

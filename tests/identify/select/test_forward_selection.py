@@ -179,6 +179,22 @@ def test_a_late_force_channel_is_explained_by_no_other_name(whole):
         assert fell > 0.1
 
 
+def test_a_parameter_at_a_bound_does_not_follow_the_rows_left_out():
+    """A line whose slope a bound holds at zero: each reading is predicted by the others' mean."""
+    rng, x = np.random.default_rng(1), np.linspace(-1, 1, 12)
+    y, jacobian = rng.standard_normal(12), np.column_stack([np.ones(12), x])
+    fit: Any = SimpleNamespace(
+        at=SimpleNamespace(jacobian=jacobian, residual=y - y.mean()), u=np.zeros(2),
+        covariance_names=("offset", "slope"), at_bound=("slope",),
+        model=SimpleNamespace(
+            space=SimpleNamespace(names=()),
+            unknowns=SimpleNamespace(longest_step=lambda u: np.full(2, 9.0), slope=np.ones_like),
+        ),
+    )  # fmt: skip
+    out = np.arange(12) < 3
+    assert predicted_error(fit, out) == pytest.approx(y[out] - y[~out].mean())
+
+
 def test_presses_left_out_are_those_of_a_fit_without_them(monkeypatch):
     table = planted(7, lambda d, f, t, phase, press: (d, f))
     at_the_minimum = replace(PRECISE, rounds=0, ftol=1e-8)

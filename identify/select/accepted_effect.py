@@ -49,9 +49,10 @@ class AcceptedEffect:
         A candidate loses by its price alone only with a clearly higher chi-square, or a price that
         no chance makes up for: fifteen terms of a surface follow many a course. A more general
         effect, which contains this one, can always do nearly as well, and so can the course of an
-        unknown cause: it is no equivalent.
+        unknown cause: it is no equivalent. The accepted one may itself be behind the best, which
+        leaves structure: both are then equivalents.
         """
-        best = min(self.candidates, key=lambda c: c.criterion)
+        best = min(self.candidates, key=lambda c: (c.name != self.name, c.criterion))
         margin, close, dear = self.settings.margin, self.settings.close, self.settings.dear
         near = [
             c

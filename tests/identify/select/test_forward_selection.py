@@ -274,6 +274,17 @@ def test_equal_chi_square_makes_an_equivalent_unless_the_price_decides(price, eq
     assert effect.decided == (not equal)
 
 
+def test_an_accepted_effect_that_is_behind_the_best_stands_in_its_own_group():
+    """It leaves noise where a simpler form is cheaper: neither is then decided."""
+    fit: Any = SimpleNamespace(model=SimpleNamespace(effects=()))
+    best = Candidate("contact_offset", 560.0, 580.0, fit)
+    between = Candidate("displacement_drift", 545.0, 600.0, fit)
+    own = Candidate("uneven_surface", 500.0, 620.0, fit)
+    effect = AcceptedEffect("uneven_surface", (own, best, between))
+    assert effect.equivalents == ("uneven_surface", "contact_offset", "displacement_drift")
+    assert not effect.decided
+
+
 @pytest.mark.parametrize(("gain", "first"), [(35.0, "uneven_surface"), (20.0, "curved_surface")])
 def test_a_form_that_contains_the_best_and_leaves_noise_comes_first_if_chance_gains_less(
     gain, first

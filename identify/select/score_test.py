@@ -150,7 +150,9 @@ def score_effect(
                 left, basis, visible = beyond(pattern, fitted, settings)
                 most_visible = max(most_visible, float(visible.max()))
                 t = np.einsum("gmq,m->gq", basis, residual)
-                signed = sign * t[:, 0] if sign else np.sum(t**2, axis=1)
+                signed = np.sum(t**2, axis=1)
+                if sign:  # a shape that the fit absorbs has no side
+                    signed = np.where(visible < settings.visible, -np.inf, sign * t[:, 0])
                 g = int(np.argmax(signed))
                 if best is None or signed[g] > best.signed:
                     best = _Candidate(
@@ -183,7 +185,7 @@ def _score_of(
     left, signed = best.left, best.signed
     sizes, *_ = np.linalg.lstsq(left, residual, rcond=1e-10)
     errors = np.sqrt(np.diag(np.linalg.pinv(left.T @ left)))
-    if sign and signed < 0:
+    if sign and signed <= 0:
         sizes = np.zeros_like(sizes)
     values = dict(best.shape)
     for amplitude, size in zip(effect.amplitudes, sizes, strict=True):

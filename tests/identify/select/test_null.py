@@ -17,6 +17,7 @@ from scipy import stats
 from identify.catalogue.breathing import Breathing
 from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
+from identify.select import score_test
 from identify.select.diagnosis import diagnose
 from identify.select.forward_selection import forward_selection
 from identify.select.null_distribution import NullNoise, NullSearch
@@ -75,6 +76,40 @@ def test_a_certain_score_widens_the_search_and_counts_what_was_tried():
     before = search.null(200.0).log_p(200.0)
     search.widen(900)
     assert search.null(200.0).log_p(200.0) - before == pytest.approx(np.log(10), abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [-1.0, 0.0, 1.0])
+def test_a_shape_that_the_map_absorbs_has_no_size(size, monkeypatch):
+    """Its remainder is rounding, by which nothing may be divided; nor may it win by a zero."""
+    rng = np.random.default_rng(0)
+    fitted = np.linalg.qr(rng.standard_normal((200, 3)))[0]
+    hidden = fitted @ [10.0, 20.0, 30.0] + 1e-9 * rng.standard_normal(200)
+    shown = rng.standard_normal(200)
+    columns = np.stack([hidden, shown])[:, :, None]
+    noise = rng.standard_normal(200)
+    basis = np.linalg.qr(np.column_stack([fitted, shown]))[0]
+    left = shown - fitted @ (fitted.T @ shown)
+    residual = noise - basis @ (basis.T @ noise) + size * left
+    effect: Any = SimpleNamespace(
+        name="demo", family="demo", amplitudes=CATALOGUE["contact_offset"].parameters[:1],
+        null={}, hooks=(), grid=lambda readings, state: [{"s": 0.0}, {"s": 1.0}],
+        bounded=lambda readings, state: [SimpleNamespace(null=0.0, lower=0.0, upper=1.0)],
+        untestable=lambda readings: None,
+    )  # fmt: skip
+    monkeypatch.setattr(
+        score_test, "pattern_blocks",
+        lambda *_: iter([EffectPattern(effect, [{"s": 0.0}, {"s": 1.0}], columns, columns)]),
+    )  # fmt: skip
+    model = SimpleNamespace(
+        readings=None, map_uncertainty=None, chain=SimpleNamespace(profile="", nonlinear=False)
+    )
+    fit: Any = SimpleNamespace(
+        model=model, at=SimpleNamespace(residual=residual, state=None), expected_residual=0.0
+    )
+    score = score_effect(fit, effect, fitted)
+    assert score.sizes == pytest.approx([max(size, 0.0)], abs=1e-9)
+    assert score.rms_m < 2
+    assert score.values["s"] == 1.0
 
 
 class CoarseBreath(Breathing):

@@ -45,7 +45,7 @@ def join_scans(
     ------
     InputError
         Some scans know the time and others do not, a clock goes back and no pause is given, or a
-        press stands twice.
+        press stands twice; the scans have different frames, or count travel differently.
 
     Examples
     --------
@@ -63,19 +63,34 @@ def join_scans(
             f"{with_time} has times and {without} has none; expected all scans or none of them: "
             "empty the column time_s of the one, or fill it in the other"
         )
+    _refuse_unlike(scans, names)
     left_out = [n for n in OPTIONAL if len({getattr(scan, n) is None for scan in scans}) > 1]
     joined: list[Scan] = []
     for scan, name in zip(scans, names, strict=True):
         changes: dict[str, np.ndarray | None] = dict.fromkeys(left_out)
         if joined:
             before = joined[-1]
-            changes["press"] = scan.press_index + before.press[-1] + 1
+            changes["press"] = scan.press - scan.press[0] + before.press[-1] + 1  # gaps count
             if timed[0]:
                 changes["time_s"] = _time_after(before, scan, name, pause_s)
         joined.append(scan.replace(**changes))
     table = stack_scans(joined)
     _refuse_repeated(table, joined, scans, names)
     return table, tuple(OPTIONAL[n] for n in left_out)
+
+
+def _refuse_unlike(scans: Sequence[Scan], names: Sequence[str]) -> None:
+    for scan, name in zip(scans[1:], names[1:], strict=True):
+        for key, words in (
+            ("travel_from", "travel from"),
+            ("frame_m", "a frame with its origin at"),
+        ):
+            first, own = getattr(scans[0], key), getattr(scan, key)
+            if tuple(own) != tuple(first):
+                raise InputError(
+                    f"{name}: has {words} {own or 'unknown'}, expected {first or 'unknown'} as "
+                    f"{names[0]}; join the scans as they were read, before a study places them"
+                )
 
 
 def _refuse_repeated(

@@ -42,6 +42,27 @@ def test_presses_are_numbered_on_and_every_row_is_there():
     assert left_out == ()
 
 
+def test_gaps_of_presses_left_out_stay_in_every_scan():
+    joined, _ = join_scans([table(0.0, (3, 7)), table(10.0, (2, 4)), table(20.0)], list("abc"))
+    assert joined.press_ids.tolist() == [3, 7, 8, 10, 11, 12]
+
+
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        ({"travel_from": "plane"}, "b: has travel from plane, expected touch as a"),
+        ({"travel_from": ""}, "b: has travel from unknown, expected touch as a"),
+        ({"frame_m": (0.1, 0.0, 0.0)}, r"b: has a frame with its origin at \(0.1, 0.0, 0.0\)"),
+    ],
+)
+def test_scans_of_unlike_travel_or_frame_are_refused(other, says):
+    first = table(travel_from="touch")
+    with pytest.raises(InputError, match=says):
+        join_scans([first, table(9.0).replace(**{"travel_from": "touch"} | other)], ["a", "b"])
+    joined, _ = join_scans([first, table(9.0, travel_from="touch")], ["a", "b"])
+    assert joined.travel_from == "touch"
+
+
 def test_a_clock_that_was_set_back_needs_a_pause():
     with pytest.raises(InputError, match=r"b: its clock begins at 2 s.*later than 5 s.*--pause"):
         join_scans([table(), table(2.0)], ["a", "b"])

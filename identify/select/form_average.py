@@ -180,13 +180,14 @@ def _beside_other_laws(
 
     These are as credible where structure is left (`AcceptedEffect.range_of`).
     """
+    bounds = {p.name: p for p in explained.final.fit.model.unknowns.unknowns}
     wider = {}
     for accepted in explained.accepted:
         for key, (down, up) in accepted.range_of.items():
-            own = found[f"{accepted.name}.{key}"]
-            wider[f"{accepted.name}.{key}"] = replace(
-                own, lower95=own.lower95 + down, upper95=own.upper95 + up
-            )
+            name = f"{accepted.name}.{key}"
+            own, p = found[name], bounds[name]
+            low, high = max(own.lower95 + down, p.lower), min(own.upper95 + up, p.upper)
+            wider[name] = replace(own, lower95=low, upper95=high)
     return wider
 
 

@@ -1,13 +1,23 @@
 """Intervals of the map count the form of an effect where the scan leaves it open."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from identify.catalogue.catalogue import CATALOGUE
-from identify.select.form_average import Form, _quantile, averaged, forms_of, log_evidence
+from identify.fit.result import Estimate
+from identify.select.form_average import (
+    Form,
+    _beside_other_laws,
+    _quantile,
+    averaged,
+    forms_of,
+    log_evidence,
+)
 from identify.select.forward_selection import forward_selection
 from tests.identify.select.loop_problem import TRUE, model
 from tests.identify.select.test_families import three_times
@@ -105,3 +115,14 @@ def test_quantiles_of_a_mixture():
     half, apart, wide = np.array([0.5, 0.5]), np.array([0.0, 100.0]), np.array([1.0, 1.0])
     expected = 100 + norm.ppf(0.95)
     assert _quantile(0.975, half, apart, wide, wide) == pytest.approx(expected)
+
+
+def test_intervals_beside_other_laws_of_contact_end_at_the_bounds():
+    p = SimpleNamespace(name="spherical_tip.share", lower=0.0, upper=1.0)
+    unknowns = SimpleNamespace(unknowns=[p])
+    fit = SimpleNamespace(model=SimpleNamespace(unknowns=unknowns))
+    effect = SimpleNamespace(name="spherical_tip", range_of={"share": (-0.3, 0.3)})
+    explained: Any = SimpleNamespace(final=SimpleNamespace(fit=fit), accepted=[effect])
+    own = Estimate(0.85, 0.05, "1", 0.75, 0.95, free=True)
+    (wider,) = _beside_other_laws(explained, {p.name: own}).values()
+    assert (wider.lower95, wider.upper95) == (pytest.approx(0.45), 1.0)

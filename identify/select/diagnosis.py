@@ -66,12 +66,14 @@ class Diagnosis:
     significant : names of the significant effects (Holm over the catalogue, 1 %)
     excess : unexplained chi-square, beyond the degrees of freedom
     settings : of the scores
+    seed : of their simulated nulls
     """
 
     scores: tuple[Score, ...]
     significant: frozenset[str]
     excess: float
     settings: DiagnosisSettings = DIAGNOSIS
+    seed: int = 0
 
     def __getitem__(self, name: str) -> Score:
         return next(score for score in self.scores if score.name == name)
@@ -152,7 +154,7 @@ def diagnose(
             fit.at.body.forget_other_models()
     scores.sort(key=lambda s: (s.untestable is not None, s.log_p, -s.statistic))
     significant = frozenset(holm_significant(scores, settings.alpha))
-    return Diagnosis(tuple(scores), significant, max(fit.chi2 - fit.dof, 0.0), settings)
+    return Diagnosis(tuple(scores), significant, max(fit.chi2 - fit.dof, 0.0), settings, seed)
 
 
 def shortlist(

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
 
@@ -26,12 +27,7 @@ from identify.map.gaussian_map import GaussianMap
 from identify.measurement.model import MeasurementModel
 from identify.residual.compare import compare_residual
 from identify.select.accepted_effect import AcceptedEffect
-from identify.select.candidates import (
-    Candidate,
-    best_candidates,
-    compare_candidates,
-    leaving_noise,
-)
+from identify.select.candidates import Candidate, best_candidates, compare_candidates, leaving_noise
 from identify.select.diagnosis import diagnose, shortlist
 from identify.select.explanation import (
     Explanation,
@@ -224,26 +220,28 @@ def _with_unknown_cause(path: _Path, catalogue: Sequence[Effect], selection: _Se
     steps = path.ladder[:-2] if last.comparison.is_noise else path.ladder
     say("comparing with courses of unknown causes")
     for step in steps:
-        courses = diagnose(step.fit, COURSES, settings=settings.diagnosis)
+        courses = diagnose(step.fit, COURSES, seed=step.diagnosis.seed, settings=settings.diagnosis)
         price = np.log(len(step.fit.at.residual))
         gain = max((s.statistic - price * len(s.sizes) for s in courses.scores), default=0.0)
         if gain <= max(step.fit.bic - last.fit.bic, settings.margin):
             continue
         effects: dict[str, Effect] = {c.name: c for c in COURSES}
-        names = shortlist(courses, settings=settings)
-        step = replace(step, diagnosis=courses)
+        step, names = replace(step, diagnosis=courses), shortlist(courses, settings=settings)
         candidates = compare_candidates(step, effects, say, names, settings)
         if not candidates:
             continue
         begun, winner = path.ladder[: 1 + bool(before)], candidates[0].fit
         name, base = candidates[0].name, begun[-1].fit
         say(f"refitting with {name}")
-        model = base.model.with_effect(effects[name], winner.at.values[name], winner.at.state)
+        lost = [n for n in base.effect_names if n in path.dropped]  # of the first step
+        model = reduce(MeasurementModel.without, lost, base.model)
+        model = model.with_effect(effects[name], winner.at.values[name], winner.at.state)
         fit = found_again(fit_jointly(model, winner.map))
         course = AcceptedEffect(name, candidates, chi2_before=base.chi2, settings=settings)
         everything = (*catalogue, *COURSES)
         other = _Path([*begun, selection.judged(fit, everything)], [*before, course])
         _grow(other, everything, selection)
+        other.dropped += lost
         return other if other.ladder[-1].fit.bic < last.fit.bic else path
     return path
 

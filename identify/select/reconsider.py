@@ -185,7 +185,8 @@ def _followed(
     fit = try_fit(_exchanged(now.fit, name, candidate), candidate.fit.map)
     if fit is None or fit.bic >= now.fit.bic + settings.margin:
         return None
-    scores = diagnose(fit, list(effects.values()), settings=settings.diagnosis)
+    seed, of_scores = now.diagnosis.seed, settings.diagnosis
+    scores = diagnose(fit, list(effects.values()), seed=seed, settings=of_scores)
     step = replace(now, fit=fit, diagnosis=scores)
     names = shortlist(scores, [name, *fit.effect_names], settings)
     found = compare_candidates(step, effects, say, names, settings)
@@ -226,10 +227,9 @@ def as_special_cases(
         without = _without(fit, effect.name, settings)
         if without is None:
             continue
-        cases = [effects[name] for name in names]
-        step = replace(
-            now, fit=without, diagnosis=diagnose(without, cases, settings=settings.diagnosis)
-        )
+        cases, seed = [effects[name] for name in names], now.diagnosis.seed
+        scores = diagnose(without, cases, seed=seed, settings=settings.diagnosis)
+        step = replace(now, fit=without, diagnosis=scores)
         found = compare_candidates(step, effects, say, names, settings)
         candidates = ranked([Candidate(effect.name, fit.chi2, fit.bic, fit), *found], settings)
         if candidates[0].name == effect.name or candidates[0].criterion >= fit.bic:

@@ -8,6 +8,7 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.fit.joint_fit import fit_jointly
+from identify.select import reconsider
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
 from identify.select.forward_selection import Policy, forward_selection
@@ -64,6 +65,22 @@ def test_an_offset_takes_the_place_of_a_surface_that_contains_it():
     assert (one.name, one.group) == ("contact_offset", ("contact_offset",))
     assert {"curved_surface", "surface_tilt"} <= {c.name for c in one.candidates}
     assert [c.name for c in one.first_candidates] == ["curved_surface"]
+
+
+def test_special_cases_are_scored_with_the_seed_of_the_step(monkeypatch):
+    _, step, fit = beside_a_drift()
+    seeds = []
+
+    def diagnose(*given, seed, settings):
+        seeds.append(seed)
+        return scored(*given, seed=seed, settings=settings)
+
+    scored = reconsider.diagnose
+    monkeypatch.setattr(reconsider, "diagnose", diagnose)
+    seeded = replace(step, diagnosis=replace(step.diagnosis, seed=7))
+    simplified(surface(fit), seeded, fit)
+    assert step.diagnosis.seed == 0
+    assert seeds == [7]
 
 
 def test_a_tilt_is_found_in_a_surface_and_no_more_than_a_tilt():

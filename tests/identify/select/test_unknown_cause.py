@@ -9,10 +9,15 @@ import pytest
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.unknown_course import COURSES, UNKNOWN
+from identify.measurement import model as measurement
+from identify.measurement.model import MeasurementModel
+from identify.select import forward_selection as selection
+from identify.select.accepted_effect import AcceptedEffect
 from identify.select.form_average import averaged, structure_factor
 from identify.select.form_curve import form_curves
 from identify.select.forward_selection import forward_selection
 from identify.select.outlying_presses import confirmed
+from identify.select.settings import SELECTION
 from identify.select.verdicts import effect_verdict
 from tests.identify.select.loop_problem import TRUE, model
 from tests.identify.select.test_forward_selection import planted
@@ -139,6 +144,60 @@ def test_standard_errors_count_an_error_that_the_readings_of_a_press_share():
         estimates.append(u)
         said.append(structure_factor(fit) ** 2 * np.diag(covariance))
     np.testing.assert_allclose(np.mean(said, axis=0), np.var(estimates, axis=0), rtol=0.25)
+
+
+def test_beside_a_course_nothing_stays_that_was_found_unneeded(monkeypatch):
+    """The first step had two effects of a law, of which one was lost later; the seed is kept."""
+    asked, fitted = [], []
+    part = {n: SimpleNamespace(effect=SimpleNamespace(name=n)) for n in ("ball", "late", "course")}
+
+    class Model(SimpleNamespace):
+        without = MeasurementModel.without
+
+        def with_effect(self, effect, values, state):
+            return Model(effects=(*self.effects, part["course"]))
+
+    def fit(bic, *names):
+        return SimpleNamespace(
+            bic=bic, chi2=bic, effect_names=names, model=Model(effects=tuple(map(part.get, names))),
+            at=SimpleNamespace(residual=np.zeros(9), values={"course": {}}, state=None), map=None,
+        )  # fmt: skip
+
+    def step(fit):
+        comparison, diagnosis = SimpleNamespace(law=None, is_noise=False), SimpleNamespace(seed=7)
+        return SimpleNamespace(fit=fit, comparison=comparison, diagnosis=diagnosis)
+
+    def diagnose(fit, courses, seed=0, settings=None):
+        asked.append(seed)
+        return SimpleNamespace(scores=[SimpleNamespace(statistic=900.0, sizes=[1.0])])
+
+    def fit_jointly(model, stiffness):
+        fitted.append([p.effect.name for p in model.effects])
+        return fit(100.0, *fitted[-1])
+
+    monkeypatch.setattr(selection, "replace", lambda one, **changes: one)
+    monkeypatch.setattr(measurement, "replace", lambda one, effects: Model(effects=effects))
+    monkeypatch.setattr(selection, "COURSES", [SimpleNamespace(name="course")])
+    monkeypatch.setattr(selection, "diagnose", diagnose)
+    monkeypatch.setattr(selection, "shortlist", lambda *_, **__: ["course"])
+    monkeypatch.setattr(
+        selection, "compare_candidates",
+        lambda now, *_: (SimpleNamespace(name="course", fit=now.fit, family=UNKNOWN),),
+    )  # fmt: skip
+    monkeypatch.setattr(selection, "fit_jointly", fit_jointly)
+    monkeypatch.setattr(selection, "found_again", lambda fit: fit)
+    monkeypatch.setattr(selection, "_grow", lambda *_: None)
+    ball: Any = AcceptedEffect("ball", (), shown_by_presses=True)
+    ladder: Any = [step(fit(900.0)), step(fit(700.0, "ball", "late")), step(fit(600.0, "ball"))]
+    path = selection._Path(ladder, [ball], ["late"])
+    means: Any = SimpleNamespace(
+        judged=lambda fit, effects: step(fit), say=lambda text: None, settings=SELECTION
+    )
+    found = selection._with_unknown_cause(path, [], means)
+    assert fitted == [["ball", "course"]]
+    assert [a.name for a in found.accepted] == ["ball", "course"]
+    assert found.dropped == ["late"]
+    assert asked == [7]
 
 
 @pytest.mark.parametrize("course", COURSES, ids=lambda c: c.name)

@@ -17,6 +17,7 @@ from identify.map.gaussian_map import GaussianMap
 from identify.optimize.result import InadmissibleError
 
 _KEPT_SOLUTIONS = 6  # fits begin at the end of others
+_KEPT_BYTES = 3e8  # ... and of many presses fewer, see `fewer`
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,9 @@ class CoarseSolutions:
         """Return the solution on the coarse model, a recent one from memory."""
         key = (stiffness, solved_state(state))
         response = self._solutions.get(key) or self.solve(self.coarse, stiffness, state)
-        keep(self._solutions, key, response, _KEPT_SOLUTIONS)
+        # Fields, and the derivatives at the modulus samples
+        numbers = response._free.size + len(response.compliance) * len(self.coarse.points_m)
+        keep(self._solutions, key, response, fewer(_KEPT_SOLUTIONS, 8.0 * numbers))
         return response
 
     def solution(
@@ -96,6 +99,11 @@ def keep(last: dict, key: Any, value: Any, most: int) -> None:
     last[key] = value
     while len(last) > most:
         del last[next(iter(last))]
+
+
+def fewer(most: int, bytes_each: float) -> int:
+    """Return the number of values to keep: so many, or fewer large ones, but two."""
+    return int(np.clip(_KEPT_BYTES / bytes_each, min(2, most), most))
 
 
 def _law(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fem import RefinedModel
-from identify.body.coarse_solutions import keep
+from identify.body.coarse_solutions import fewer, keep
 from identify.body.discretization_error import (
     ASSUMED,
     CarriedFine,
@@ -117,7 +117,7 @@ class Corrections:
             for key, known in reversed(self._fine.items()):
                 at = known.at(fine, changed, models.coarse, compliance, slack, settings)
                 if at is not None:
-                    keep(self._fine, key, known, _KEPT_FINE)
+                    keep(self._fine, key, known, len(self._fine))
                     same = known.trend.follows(stiffness)
                     trend = known.trend.around(stiffness) if same else None
                     carried = _believed(at[0] / compliance, at[1], known.tip, settings)
@@ -131,7 +131,8 @@ class Corrections:
             added = fine.added_share if isinstance(fine, RefinedModel) else 0.0
             trend = RatioTrend.of(coarse, found.response, found.compliance, added, changed)
             carries = CarriedFine(ratio, found.response.unevenness, tip, trend)
-            keep(self._fine, (stiffness, plain), carries, _KEPT_FINE)
+            most = fewer(_KEPT_FINE, carries.ratio.nbytes)
+            keep(self._fine, (stiffness, plain), carries, most)
         own = _believed(found.compliance / coarse.compliance, found.error, tip, settings)
         return replace(own, trend=trend)
 

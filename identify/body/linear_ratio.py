@@ -54,6 +54,11 @@ class LinearRatio:
         """Linearise the solutions of both models for a map."""
         return cls(_Linear.of(coarse, there), _Linear.of(other, there))
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the derivatives."""
+        return self._coarse.sensitivity.nbytes + self._other.sensitivity.nbytes
+
     def log_at(
         self, there: ChangedMap, compliance: np.ndarray, tolerance: float
     ) -> np.ndarray | None:

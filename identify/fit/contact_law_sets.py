@@ -162,9 +162,10 @@ def sharpened(
     for part in fit.parts[len(plain.parts) :]:
         shapes = part.effect.grid(presses.readings, presses.state)
         if len(shapes) > most and len(shapes[0]) == 1:
-            own = fit.values[part.effect.name]
-            shape = _nearest_shape(shapes, most, _fall(presses, fit, part.effect.name))
-            part = replace(part, start={**own, **shape})
+            fall = _fall(presses, fit, part.effect.name)
+            shape = _nearest_shape(shapes, most, fall)
+            if fall(shape) > 0:
+                part = replace(part, start={**fit.values[part.effect.name], **shape})
         parts.append(part)
     if parts == list(fit.parts[len(plain.parts) :]):
         return fit

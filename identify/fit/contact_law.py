@@ -289,7 +289,7 @@ def _simplest(
         and fit.misfit <= top.misfit + slack
         and fit.noise_share >= least
     ]
-    calm = [f for f in alike if f.misfit < f.dof + settings.noise_sd * np.sqrt(2 * f.dof)]
+    calm = [fit for fit in alike if _is_calm(fit, settings)]
     return min(calm or alike, key=lambda fit: (fit.unknowns, fit.misfit))
 
 
@@ -303,7 +303,8 @@ def _textbook(
 
     A free curve also takes what the laws err by: beside a ball that was declared flat, a stiffening
     of four numbers took 5 % more of the excess misfit than the ball of one. The law is of another
-    cause, and as many presses are noise; the free form stays a candidate.
+    cause, and as many presses are noise; the free form stays a candidate. Where it leaves noise,
+    and the textbook law does not, the laws do not err.
     """
     free = {p.effect.name for p in top.parts if p.effect.name != p.effect.family}
     causes = set(_causes(top))
@@ -321,9 +322,15 @@ def _textbook(
             and fit.unknowns < top.unknowns
             and fit.misfit <= most
             and fit.noise_share >= top.noise_share - settings.fewer
+            and (_is_calm(fit, settings) or not _is_calm(top, settings))
         ):
             near.append(fit)
     return near
+
+
+def _is_calm(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
+    """Return True for a fit that leaves noise alone."""
+    return fit.misfit < fit.dof + settings.noise_sd * np.sqrt(2 * fit.dof)
 
 
 def _causes(fit: FreeComplianceFit) -> list[str]:

@@ -324,14 +324,17 @@ def test_a_simpler_form_that_leaves_structure_gives_way_to_one_that_leaves_noise
 
 
 @pytest.mark.parametrize(
-    ("misfit", "noise_share", "best"),
-    [(1400, 0.95, "spherical_tip"),  # 8 % of the excess behind, in nearly as many presses
-     (1700, 0.95, "free_stiffening"), (1400, 0.9, "free_stiffening")],
+    ("misfit", "noise_share", "of_free", "best"),
+    [(1600, 0.95, 1100, "spherical_tip"),  # 7 % of the excess behind, in nearly as many presses
+     (1900, 0.95, 1100, "free_stiffening"), (1600, 0.9, 1100, "free_stiffening"),
+     (1400, 0.95, 875, "free_stiffening")],  # that leaves noise, so that laws do not err
 )  # fmt: skip
-def test_a_textbook_law_of_another_cause_stands_before_a_free_form(misfit, noise_share, best):
+def test_a_textbook_law_of_another_cause_stands_before_a_free_form(
+    misfit, noise_share, of_free, best
+):
     own = {
         ("spherical_tip", "touch_threshold"): (misfit, noise_share, 2),
-        ("free_stiffening", "touch_threshold"): (875, 0.98, 5),
+        ("free_stiffening", "touch_threshold"): (of_free, 0.98, 5),
         ("touch_threshold",): (2500, 0.78, 1),
     }
     found, refitted = _chosen(own)

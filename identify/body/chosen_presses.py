@@ -117,13 +117,6 @@ class ChosenResponse(BodyResponse):
         """Return the derivative (n, g) of ln C by a free map."""
         return self.whole.by_field()[self.chosen]
 
-    def numbers_by_field(self) -> np.ndarray:
-        """Return the derivatives (q n, g) of a press's numbers, see `BodyResponse`."""
-        whole, presses = self.whole.numbers_by_field(), len(self.whole.compliance)
-        return whole.reshape(-1, presses, whole.shape[1])[:, self.chosen].reshape(
-            -1, whole.shape[1]
-        )
-
     def change(self, state: BodyState) -> tuple[np.ndarray, np.ndarray]:
         """First-order change of compliance (n,) and local modulus (n,) to a state nearby."""
         compliance, local = self.whole.change(state)

@@ -137,19 +137,6 @@ class BodyResponse:
         gradient = _gradient(self._response, by_log, self._state)
         return (self._scale / self.compliance)[:, None] * gradient
 
-    def numbers_by_field(self) -> np.ndarray:
-        """Return the derivatives (q j, g) of a press's numbers, see `MapUncertainty`.
-
-        Under a ball the contrast is that of the modulus where its contact begins against the
-        homogeneous body that is as compliant: ln E + ln C, but for a constant.
-        """
-        by_field = self.by_field()
-        if self._mechanics.contacts.profile != "hertz":
-            return by_field
-        assert isinstance(self._map, FreeMap)
-        local = self._map.grid.weights(self._mechanics.local_points)
-        return np.vstack([by_field, by_field + local.toarray()])
-
     def _of_map(self, points: np.ndarray) -> np.ndarray:
         """Part (p,) of the modulus at points (p, 3) that grows with the map."""
         return self._map.modulus(points) * self._state.factor(points)

@@ -92,10 +92,10 @@ def _uncertainty(fit: FitResult, at: Linearised) -> MapUncertainty:
     """Return the prior of a free map in the compliances of a scan in place of the present one."""
     assert isinstance(fit.map, FreeMap)
     assert fit.field is not None
-    by_field, error = at.body.numbers_by_field(), fit.field.hyper.error
-    each = np.ones(len(at.compliance))
-    prior = fit.field.hyper.prior(fit.map.grid)
-    return MapUncertainty.of(prior.product, by_field, error**2 * each, 0.0, each)
+    by_field, error = at.body.by_field(), fit.field.hyper.error
+    of_field = fit.field.hyper.prior(fit.map.grid).product(by_field) @ by_field.T
+    each = np.ones(len(by_field))
+    return MapUncertainty(of_field, error**2 * each, 0 * each, each)
 
 
 def designs_on_body(fit: FitResult, designs: Iterable[Design]) -> tuple[Design, ...]:

@@ -248,9 +248,8 @@ class FreeMapFit:
         self, point: _Point, readings: PressReadings, posterior: FieldPosterior, message: str,
         success: bool,
     ) -> FitResult:  # fmt: skip
-        uncertain = MapUncertainty.of(
-            self.prior.product,
-            point.body.numbers_by_field(),
+        uncertain = MapUncertainty(
+            posterior.of_field,
             posterior.data.error_variance(self.hyper.error),
             posterior.data.here,
             self.weight,

@@ -269,22 +269,18 @@ class MeasurementModel:
         return self._marginal(body, u, self.map_uncertainty)
 
     def _linear(
-        self,
-        body: BodyResponse,
-        u: np.ndarray,
-        factor: np.ndarray | float = 1.0,
-        contrast: np.ndarray | float = 1.0,
+        self, body: BodyResponse, u: np.ndarray, factor: np.ndarray | float = 1.0
     ) -> Linearised:
-        """Linearise at one map; `contrast` (j,) see `MapUncertainty`, beside a free map alone."""
         values = self.values(u)
         state = self.state(values)
         c, e = factor * body.compliance, body.local_modulus
         if self.unit_compliance is not None:
-            e = contrast * self.unit_compliance / c
+            e = self.unit_compliance / c
         chain = self._chain(body)
         judged = judge(chain, c, e, self.displacement_m, self.noise, values)
         residual, sigma = judged.residual_m, judged.sigma_m
-        point = OperatingPoint(c, e, self._latent(judged), values)
+        latent = self._latent(judged)
+        point = OperatingPoint(c, e, latent, values)
         by = Derivatives(self, u, body, chain, point)
         by_c, by_e = by.by_body
         press = self.readings.press
@@ -293,7 +289,7 @@ class MeasurementModel:
         return Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
-            latent_force_n=point.force_n,
+            latent_force_n=latent,
             residual=shared.whitened(residual / sigma),
             jacobian=shared.whitened(by.by_unknowns() / sigma[:, None]),
             rms_m=float(np.sqrt(np.mean(residual**2))),
@@ -326,20 +322,19 @@ class MeasurementModel:
         Linear where each press is most probable beside them, in a few steps: around the map, whose
         own error may be many times the noise, a press's bent curve would be taken for an effect.
         """
-        press, q = self.readings.press, uncertain.numbers
-        moved, weight = np.zeros(len(uncertain.own)), np.sqrt(uncertain.felt)[press]
+        press, moved = self.readings.press, np.zeros(len(body.compliance))
+        weight = np.sqrt(uncertain.felt)[press]
         for _ in range(_OWN_STEPS):
-            at = self._linear(body, u, *np.exp(moved.reshape(q, -1)))
-            by_both = self.by_log_compliance(at), at.by_modulus * at.modulus[press]
-            columns = np.array(by_both[:q])
+            at = self._linear(body, u, np.exp(moved))
+            by_s = self.by_log_compliance(at)
             there = replace(uncertain, offset=uncertain.offset + moved)
-            marginal = MarginalMap(there, weight * at.whitened(columns.T, press).T, press)
+            marginal = MarginalMap(there, weight * at.whitened(by_s, press), press)
             about_mean = marginal.about_mean(weight * at.residual)
             by_map, further = marginal.moved(about_mean), marginal.probable(about_mean)
             if np.abs(further).max() < _OWN_TOL:
                 break
             moved = moved + np.clip(further, -_LONGEST_MOVE, _LONGEST_MOVE)
-        predicted = at.predicted_m + np.sum(columns * by_map.reshape(q, -1)[:, press], axis=0)
+        predicted = at.predicted_m + by_s * by_map[press]
         return replace(
             at,
             residual=marginal.whitened(about_mean),

@@ -86,7 +86,8 @@ class RunFolder:
     command : str
         Name of the command, such as "fit".
     out : path or None
-        The folder; None makes runs/<command>-<date>. An existing run folder is added to.
+        The folder; None makes runs/<command>-<date>. An existing run folder is added to by the same
+        command with the same inputs, and by one that reads its own files.
     seed : int or None
         Seed of all random numbers of the run.
     settings : mapping
@@ -97,8 +98,8 @@ class RunFolder:
     Raises
     ------
     InputError
-        If `out` is a file, or a folder with other things in it, or cannot be written, or another
-        command is writing into it; or if an input cannot be read.
+        If `out` is a file, or a folder with other things in it or of another command or study, or
+        cannot be written, or another command is writing into it; or if an input cannot be read.
     """
 
     def __init__(
@@ -110,10 +111,11 @@ class RunFolder:
         settings: Mapping[str, JsonValue] | None = None,
         inputs: Sequence[str | os.PathLike[str]] = (),
     ):
-        self.path = _default_folder(command) if out is None else Path(out)
+        self.path = default_folder(command) if out is None else Path(out)
         # What is no run folder and what cannot be read is refused before anything is made
-        _earlier_runs(self.path)
+        earlier = _earlier_runs(self.path)
         hashes = {str(path): _hash_of(path) for path in inputs}
+        _refuse_mixing(self.path, command, hashes, earlier)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -216,6 +218,23 @@ def _earlier_runs(path: Path) -> tuple[RunRecord, ...]:
     return ()
 
 
+def _refuse_mixing(
+    path: Path, command: str, inputs: Mapping[str, str], earlier: Sequence[RunRecord]
+) -> None:
+    """Refuse a folder whose files belong to another study, or whose report another one replaces."""
+    ran = [run.inputs for run in earlier if run.command == command]
+    # A path may be written in two ways, and a study may be edited and fitted once more
+    again = any(set(run) == set(inputs) or set(run.values()) == set(inputs.values()) for run in ran)
+    own = inputs and all(Path(name).resolve().parent == path.resolve() for name in inputs)
+    replaces = not ran and command != "compare" and (path / "report.html").exists()
+    if earlier and not again and (replaces or not own):
+        made = " ".join(["palpmap", earlier[0].command, *list(earlier[0].inputs)[:1]])
+        raise InputError(
+            f"{path}: found the run folder of `{made}`, expected a new or empty one, as the files "
+            "of both would be mixed; choose another with --out"
+        )
+
+
 def _locked(path: Path) -> FileLock:
     """Lock the folder for this process; the system lifts the lock of one that was killed."""
     lock = FileLock(path / LOCK, timeout=0)
@@ -234,7 +253,8 @@ def _locked(path: Path) -> FileLock:
     return lock
 
 
-def _default_folder(command: str) -> Path:
+def default_folder(command: str) -> Path:
+    """Return the path of a new folder for a command, runs/<command>-<date>."""
     stamp = datetime.now().strftime("%Y-%m-%d-%H%M%S")
     folder = Path("runs") / f"{command}-{stamp}"
     number = 2

@@ -8,7 +8,7 @@ from palpmap.console import Output
 from palpmap.report.fit_console import summary
 from palpmap.result.next_step import after_fit
 from palpmap.run_files.fit_run import with_making, write_finding
-from palpmap.run_folder import RunFolder
+from palpmap.run_folder import RunFolder, default_folder
 from palpmap.study.study import load_study
 
 
@@ -35,8 +35,7 @@ def run_compare(*, source: Path, out: Path | None, output: Output) -> bool:
     run = source
     if not source.is_dir():
         load_study(source)  # Complain of the study before a folder is made for it.
-        with RunFolder("compare", out, inputs=[source]) as folder:
-            run = out = folder.path
+        run = out = out or default_folder("compare")
         quiet = Output(quiet=output.quiet or output.json)
         run_fit(
             study=source, inclusions=None, optimizer="gauss-newton", out=run, seed=0, output=quiet

@@ -44,12 +44,36 @@ def test_a_run_says_how_it_was_made(tmp_path):
 
 
 def test_a_second_command_adds_to_the_run(tmp_path):
-    with RunFolder("scan", tmp_path / "run", seed=1):
-        pass
-    with RunFolder("fit", tmp_path / "run"):
-        pass
+    with RunFolder("scan", tmp_path / "run", seed=1) as run:
+        (run / "study.toml").touch()
+    for command in ("fit", "fit", "compare"):
+        with RunFolder(command, tmp_path / "run", inputs=[tmp_path / "run" / "study.toml"]) as run:
+            (run / "report.html").touch()
     runs = runs_of(tmp_path / "run")
-    assert [entry["command"] for entry in runs] == ["scan", "fit"]
+    assert [entry["command"] for entry in runs] == ["scan", "fit", "fit", "compare"]
+
+
+def test_a_run_is_not_mixed_with_another_study_or_report(tmp_path, monkeypatch):
+    study, other, folder = tmp_path / "study.toml", tmp_path / "other.toml", tmp_path / "run"
+    study.write_text("one")
+    other.write_text("another")
+    with RunFolder("fit", folder, inputs=[study]) as run:
+        (run / "study.toml").touch()
+        (run / "report.html").touch()
+    for command, inputs in (
+        ("fit", [other]),
+        ("explain", [study]),
+        ("predict", [folder / "study.toml", other]),
+        ("explain", [folder / "study.toml"]),
+        ("demo", []),
+    ):
+        with pytest.raises(InputError, match=f"the run folder of `palpmap fit {study}`, expected"):
+            RunFolder(command, folder, inputs=inputs)
+    monkeypatch.chdir(tmp_path)
+    for name in ("study.toml", study):  # written in two ways, and edited
+        with RunFolder("fit", folder, inputs=[name]):
+            study.write_text("edited")
+    assert [entry["command"] for entry in runs_of(folder)] == ["fit", "fit", "fit"]
 
 
 def test_without_out_each_run_gets_a_folder_of_its_own(tmp_path, monkeypatch):
@@ -82,16 +106,16 @@ def test_two_commands_do_not_write_into_one_folder_at_a_time(tmp_path):
         assert other.stdout
         assert other.stdout.readline().strip() == b"there"
         with pytest.raises(InputError, match="another command is writing into this run folder"):
-            RunFolder("compare", folder)
+            RunFolder("fit", folder)
         other.kill()
-    with RunFolder("compare", folder):  # what was killed holds nothing back
+    with RunFolder("fit", folder):  # what was killed holds nothing back
         with pytest.raises(InputError, match="another command"):
             RunFolder("fit", folder)
     assert [path.name for path in folder.iterdir()] == ["run.json"]
     runs = runs_of(folder)
     assert [(entry["command"], entry["outcome"]) for entry in runs] == [
         ("fit", "running"),
-        ("compare", "done"),
+        ("fit", "done"),
     ]
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _WEIGHT = "inclusion_1.weight_pa"
+_FAR = 10  # times a modulus: no shift in proportion goes so far
 
 
 def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType", ...]:
@@ -27,12 +28,19 @@ def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType
     letters = dict(zip(scans, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", strict=False))
     biased = {name for e in seen for name in e.map_bias}
     shifts = [column for column in _shift_columns(fit) if column.name in biased]
+    beyond = any(
+        c.shown(e.map_bias[c.name]) == "-" for c in shifts for e in seen if c.name in e.map_bias
+    )
     title = "detection limits (5 standard errors), % of the signal"
     return (
-        _headline(record, len(seen)),
+        _headline(record),
         console(limit_table(seen, shifts, letters, title)),
         "Signal: the rms of the modelled displacements.",
         _of_the_map(record),
+        *(
+            [f"-: not determined (a shift beyond the body, or over {_FAR} times the value)."]
+            * beyond
+        ),
         *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
         *untestable_sentences(record.limits, "Not seen at any size"),
         *left_out_sentences(record),
@@ -52,8 +60,9 @@ def _of_the_map(record: LimitsRecord) -> str:
     )
 
 
-def _headline(record: LimitsRecord, seen: int) -> str:
+def _headline(record: LimitsRecord) -> str:
     """Return the number of effects that the scan shows, and the scan that shows most of them."""
+    seen = sum(effect.smallest_share is not None for effect in record.limits)
     says = f"This scan shows {seen} of {len(record.limits)} effects, each from the size below."
     if record.mixed_scan is None:
         return says
@@ -61,10 +70,20 @@ def _headline(record: LimitsRecord, seen: int) -> str:
 
 
 def _shift_columns(fit: FitResult) -> list[ShiftColumn]:
-    """Return the columns of background, first weight and first depth, moduli in percent."""
+    """Return the columns of background, first weight and first depth, moduli in percent.
+
+    A shift beyond the body, or of many times the modulus, is shown as "-".
+    """
     values = fit.values
-    return [
-        ShiftColumn("background_pa", "E0 %", lambda v: f"{100 * v / values['background_pa']:+.1f}"),
-        ShiftColumn(_WEIGHT, "w %", lambda v: f"{100 * v / values[_WEIGHT]:+.0f}"),
-        ShiftColumn("inclusion_1.z_m", "z mm", lambda v: f"{1e3 * v:+.1f}"),
-    ]
+    columns = (("background_pa", "E0 %", 1), (_WEIGHT, "w %", 0), ("inclusion_1.z_m", "z mm", 1))
+
+    def column(name: str, heading: str, digits: int) -> ShiftColumn:
+        length = name.endswith("_m")
+        most = sizes[name] if length else _FAR * abs(values[name])
+        scale = 1e3 if length else 100 / values[name]
+        return ShiftColumn(
+            name, heading, lambda v: f"{scale * v:+.{digits}f}" if abs(v) <= most else "-"
+        )
+
+    sizes = {p.name: p.upper - p.lower for p in fit.model.space.parameters}
+    return [column(*each) for each in columns if each[0] in sizes]

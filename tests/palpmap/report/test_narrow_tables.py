@@ -10,9 +10,11 @@ from rich.console import Console
 
 from identify.design import UndetectedBias
 from identify.fit import Spot
+from identify.map import GaussianMap, Inclusion, parameter_space
 from palpmap.report.draw import console
+from palpmap.report.limits_console import limits_screen
 from palpmap.result.field_tables import _rim, _spot_table
-from palpmap.result.records import ParameterRecord
+from palpmap.result.records import LimitRecord, LimitsRecord, ParameterRecord
 from palpmap.result.tables import Table, number, parameter_table
 
 
@@ -118,3 +120,31 @@ def test_spots_that_the_presses_do_not_reach_around_are_named_in_the_scan_s_fram
     assert "124" not in says
     assert _rim([inside, unsure], pressed, across, origin) == ()
     assert _rim([inside], pressed[:5], across, origin)  # presses in one line reach around nothing
+
+
+def test_limits_count_what_is_seen_and_leave_a_shift_beyond_the_body_open():
+    start = GaussianMap(5e3, [Inclusion(2e3, 0.05, 0.05, 0.02, 0.01)])
+    box = np.array([[0, 0, 0], [0.096, 0.096, 0.048]])
+    fit: Any = SimpleNamespace(
+        values=dict(zip(start.names, start.values.tolist(), strict=True)),
+        model=SimpleNamespace(space=parameter_space(start, box)),
+    )
+    rest: Any = dict(
+        shape={}, sizes={}, visible=1.0, confused_with=(), bias_at_share=0.03, untestable=None,
+        better_scan=None, in_mixed_scan=None,
+    )  # fmt: skip
+    shift = {"background_pa": 50.0, "inclusion_1.weight_pa": 200.0, "inclusion_1.z_m": -25.6}
+    limits = (
+        LimitRecord(name="a", smallest_share=0.05, largest_share=None, map_bias=shift, **rest),
+        LimitRecord(name="b", smallest_share=None, largest_share=0.01, map_bias={}, **rest),
+    )
+    out = io.StringIO()
+    for one in limits_screen(LimitsRecord(limits=limits, mixed_scan=None), fit):
+        Console(file=out, width=80).print(one)
+    said = out.getvalue()
+    assert "shows 1 of 2 effects" in said
+    assert next(line for line in said.splitlines() if " a " in line).split()[-3:] == [
+        "+1.0", "+10", "-",
+    ]  # fmt: skip
+    assert "-: not determined" in said
+    assert "25600" not in said

@@ -34,6 +34,12 @@ class LabelVolume:
         """The labels that occur, in order."""
         return tuple(np.unique(self.labels).tolist())
 
+    @property
+    def edges_m(self) -> np.ndarray:
+        """Lengths (3,) of the volume along its own axes, m."""
+        voxels = np.linalg.inv(self.to_index[:, :3])
+        return np.linalg.norm(voxels, axis=0) * self.labels.shape
+
     def _voxel(self, points_m: np.ndarray) -> np.ndarray:
         return np.rint(self._index(points_m)).astype(int)
 

@@ -12,10 +12,11 @@ from models import PHASES, Doubt, InputError, Scan, read_scan, scan_findings, to
 from palpmap.console import is_for_the_user
 from palpmap.record import FileRecord, Record
 from palpmap.run_folder import sha256
-from palpmap.study.body_model import try_body_model
+from palpmap.study.body_model import points_of, try_body_model
 from palpmap.study.cell_size import cell_size_m, free_map_cell_m, probed_part
 from palpmap.study.checks import refuse_contradictions, too_few
 from palpmap.study.contact_body import surface_notes
+from palpmap.study.label_file import regions_of
 from palpmap.study.placement import Placement, place_scan
 from palpmap.study.study import Body, Noise, Study, load_study
 
@@ -79,6 +80,8 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         refuse_contradictions(placement, study)
         if study.effects:
             _refuse_effects(study, placement)
+        if study.map.regions is not None:
+            regions_of(study.map, *points_of(study.body), placement.origin_m)
         try_body_model(study, placement.scan.used())
     placed = placement.scan
     probed = probed_part(study.body, placed.contact_points, placed.contact_radii)

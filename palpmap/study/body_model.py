@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 FEW = 20  # presses that tell it
 THICKER = 1.2  # of an assumed thickness, to tell how far moduli depend on it
 SEARCH = 0.75  # of the coarse divisions: a third of the time; with half of them fits go astray
+WITHIN = 0.97  # of the distance from the middle, for points of a body without a mesh
 OUTSIDE = (
     32,
     32,
@@ -191,6 +192,24 @@ def outside_of(body: Body) -> Surface:
     surface = closed_surface(body)
     check_underside(surface)
     return surface
+
+
+def points_of(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (p, 3) that stand for those of a body's mesh, and its box (2, 3), body frame.
+
+    They lie within the body by as much as the mesh's own points.
+    """
+    if body.size_m is None:
+        vertices = outside_of(body).vertices
+        middle = vertices.mean(axis=0)
+        return middle + WITHIN * (vertices - middle), np.array(
+            [vertices.min(axis=0), vertices.max(axis=0)]
+        )
+    size = np.array(body.size_m)
+    even = 0.5 + WITHIN * np.linspace(-0.5, 0.5, 25)
+    return np.stack(np.meshgrid(even, even, even), axis=-1).reshape(-1, 3) * size, np.array(
+        [0 * size, size]
+    )
 
 
 def _between(body: Body, planes_m: Sequence[np.ndarray]) -> Mesh:

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from models import InputError, LabelVolume
+from palpmap.study.study import Map
 
 MOST_LABELS = 50  # beyond, a file is an image and no segmentation
+LARGEST_VOLUME_M = 3.0  # of a file without a stated unit: a longer one is in millimetres
 SUFFIXES = (".vti", ".mha", ".mhd", ".nii", ".nii.gz")
 
 
@@ -56,6 +58,46 @@ def read_label_volume(path: str | Path, unit_m: float | None = None) -> LabelVol
         )
     scale = unit_m if unit_m is not None else 1e-3 if nifti else 1.0
     return LabelVolume.of(values.astype(np.int32), scale * to_place)
+
+
+def regions_of(
+    study_map: Map, points_m: np.ndarray, box_m: np.ndarray, origin_m: np.ndarray
+) -> LabelVolume | None:
+    """Return the label volume of a study's map in the body's frame, None without one.
+
+    Parameters
+    ----------
+    points_m : (p, 3) points of the body, which the volume must cover
+    box_m : (2, 3) of the body
+    origin_m : (3,) of the body's frame in that of the scan
+
+    Raises
+    ------
+    InputError
+        It cannot be read, does not cover the body, or looks like millimetres.
+    """
+    file = study_map.regions
+    if file is None:
+        return None
+    volume = read_label_volume(file, study_map.regions_unit_m)
+    longest = float(np.max(volume.edges_m))
+    if study_map.regions_unit_m is None and longest > LARGEST_VOLUME_M:
+        raise InputError(
+            f"{file}, key map.regions: found a volume {longest:.4g} m long, expected at most "
+            f"{LARGEST_VOLUME_M:g} m; this looks like millimetres: set map.regions_unit_m = 0.001 "
+            "(if the file is in metres, set it to 1)"
+        )
+    volume = volume.moved(-np.asarray(origin_m))
+    covered = volume.covers(points_m)
+    if not covered.all():
+        low, high = 1e3 * (box_m + origin_m)
+        raise InputError(
+            f"{file}, key map.regions: covers {100 * covered.mean():.0f} % of the body, expected "
+            f"all of it ({low[0]:.0f} to {high[0]:.0f}, {low[1]:.0f} to {high[1]:.0f} and "
+            f"{low[2]:.0f} to {high[2]:.0f} mm in the scan's frame); check origin, orientation and "
+            "map.regions_unit_m"
+        )
+    return volume
 
 
 def _image(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -4,9 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-from fem import PalpationModel
 from identify import FieldGuess, MapGuess, PlacedExperiment, Progress, silent
 from identify.catalogue import CATALOGUE, load_effect
 from identify.effects import Effect
@@ -16,8 +13,6 @@ from models import (
     MOST_OF_FREE_MAP,
     MOST_PRESSES,
     Catalogue,
-    InputError,
-    LabelVolume,
     Scan,
     thinned,
     touching,
@@ -25,7 +20,7 @@ from models import (
 from palpmap.study.body_model import build_body_model
 from palpmap.study.checks import refuse_unfit
 from palpmap.study.frame import frame_shift_m
-from palpmap.study.label_file import read_label_volume
+from palpmap.study.label_file import regions_of
 from palpmap.study.placement import place_scan
 from palpmap.study.study import Study
 
@@ -73,7 +68,8 @@ def open_study(
         return {k: v - frame_shift_m(prefix + k, origin_m) for k, v in values.items()}
 
     body = build_body_model(study, used)
-    regions = _regions(study, body.coarse, origin_m)
+    mesh = body.coarse.mesh
+    regions = regions_of(study.map, body.coarse.points_m, mesh.box_m, origin_m)
     return PlacedExperiment(
         placement.scan,
         body,
@@ -101,30 +97,6 @@ def open_study(
 def most_presses(study: Study) -> int:
     """Return the number of presses that the selection uses at most."""
     return MOST_OF_FREE_MAP if study.map.kind == "free" else MOST_PRESSES
-
-
-def _regions(study: Study, model: PalpationModel, origin_m: np.ndarray) -> LabelVolume | None:
-    """Return the label volume of a study in the body's frame.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or does not cover the body.
-    """
-    file = study.map.regions
-    if file is None:
-        return None
-    volume = read_label_volume(file, study.map.regions_unit_m).moved(-np.asarray(origin_m))
-    covered = volume.covers(model.points_m)
-    if not covered.all():
-        low, high = 1e3 * (model.mesh.box_m + origin_m)
-        raise InputError(
-            f"{file}, key map.regions: covers {100 * covered.mean():.0f} % of the body, expected "
-            f"all of it ({low[0]:.0f} to {high[0]:.0f}, {low[1]:.0f} to {high[1]:.0f} and "
-            f"{low[2]:.0f} to {high[2]:.0f} mm in the scan's frame); check origin, orientation and "
-            "map.regions_unit_m"
-        )
-    return volume
 
 
 def catalogue_with(own: Sequence[Effect]) -> Catalogue[Effect]:

@@ -9,6 +9,7 @@ import pyvista
 
 import palpmap as pm
 from models import InputError
+from palpmap.commands.check import check_study
 from palpmap.study.study import load_study
 from palpmap.study.truth_file import read_truth
 from tests.palpmap.test_free_map_study import study
@@ -46,6 +47,20 @@ def test_a_volume_that_does_not_cover_the_body_is_one_sentence(tmp_path):
     path = study(tmp_path, 'kind = "free"\nregions = "absent.vti"')
     with pytest.raises(InputError, match="no such file, expected a label volume"):
         pm.read_study(path).opened()
+
+
+def test_a_check_reads_the_regions_of_a_study(tmp_path):
+    labels(tmp_path / "labels.vti", 1e3)
+    table = 'kind = "free"\nregions = "labels.vti"'
+    check_study(study(tmp_path, f"{table}\nregions_unit_m = 0.001"))
+    for key, sentence in (
+        ("regions_unit_m = 0.0005", r"key map.regions: covers \d+ % of the body"),
+        ("", r"found a volume 60 m long.*millimetres: set map.regions_unit_m = 0.001"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            check_study(study(tmp_path, f"{table}\n{key}"))
+    with pytest.raises(InputError, match="no such file, expected a label volume"):
+        check_study(study(tmp_path, 'kind = "free"\nregions = "absent.vti"'))
 
 
 @pytest.mark.slow

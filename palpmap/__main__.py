@@ -3,6 +3,7 @@
 from typing import Annotated
 
 import typer
+import typer.core
 
 from palpmap import __version__
 from palpmap.cli.add import add, history
@@ -26,8 +27,27 @@ from palpmap.cli.review import review
 from palpmap.cli.scan import scan
 from palpmap.console import answers
 
+
+class _Commands(typer.core.TyperGroup):
+    """All commands; faults of an option's value are said in the words of a study's faults."""
+
+    def invoke(self, ctx) -> object:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            faults = getattr(error.__cause__, "errors", None)  # of pydantic, by which typer reads
+            if faults is not None:
+                from palpmap.study.faults import expected_by, shortened
+
+                fault = faults()[0]
+                error.message = f"found {shortened(fault['input'])}, expected {expected_by(fault)}"
+            raise
+
+
 app = typer.Typer(
     name="palpmap",
+    cls=_Commands,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,  # boxes around the help would cost a third of its time

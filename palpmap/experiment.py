@@ -15,6 +15,7 @@ from identify.effects import Effect
 from identify.measurement import Noise as ScanNoise
 from models import InputError, Scan, read_scan
 from palpmap.study.body import Body
+from palpmap.study.faults import expected_by, naming_study
 from palpmap.study.open_study import catalogue_with, most_presses, open_study, own_effects
 from palpmap.study.study import About, Map, Noise, Probe, Study, Uncertainty, load_study
 
@@ -146,7 +147,8 @@ class Experiment:
         thin = thin and len(self.scan.press_ids) > most_presses(self.study)
         if thin not in self._open:
             catalogue = catalogue_with(self.own_effects)
-            self._open[thin] = open_study(self.study, self.scan, catalogue, thin, say, noise)
+            with naming_study(self.source):
+                self._open[thin] = open_study(self.study, self.scan, catalogue, thin, say, noise)
         return replace(self._open[thin], say=say)
 
 
@@ -234,5 +236,6 @@ def _checked(kind, /, **values):
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         key = ".".join(map(str, fault["loc"])) or kind.__name__
-        expected = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-        raise InputError(f"{key}: found {fault['input']!r}, expected {expected}") from error
+        raise InputError(
+            f"{key}: found {fault['input']!r}, expected {expected_by(fault)}"
+        ) from error

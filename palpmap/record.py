@@ -11,6 +11,7 @@ from typing import Any, Self
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from models import InputError, replaced
+from palpmap.study.faults import expected_by
 
 SCHEMA = 1
 
@@ -58,7 +59,8 @@ class FileRecord(Record):
             first = error.errors()[0]
             key = ".".join(map(str, first["loc"]))
             raise InputError(
-                f"{path}, key {key}: {first['msg']}; run the command that writes it again"
+                f"{path}, key {key}: expected {expected_by(first)}; run the command that writes it "
+                "again"
             ) from error
 
 

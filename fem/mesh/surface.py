@@ -61,7 +61,7 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
     if path.suffix.lower() not in SUFFIXES:
         raise MeshError(f"{path}: a surface file must end in one of {', '.join(SUFFIXES)}.")
     if not path.is_file():
-        raise MeshError(f"{path}: there is no such file.")
+        raise MeshError(f"{path}: there is no such file; check the path.")
     if not (np.isfinite(scale) and scale > 0):
         raise MeshError(f"The scale of a surface must be a positive number, got {scale}.")
     state = path.stat()

@@ -9,6 +9,7 @@ from identify.effects.base import (
     advice,
     changes_body,
 )
+from identify.effects.initial import lacking_in
 from identify.effects.readings import Readings
 from identify.effects.units import digits, force, length, more, percent
 from identify.effects.unknown_course import COURSES, UNKNOWN
@@ -26,6 +27,7 @@ __all__ = [
     "changes_body",
     "digits",
     "force",
+    "lacking_in",
     "length",
     "more",
     "percent",

@@ -15,6 +15,7 @@ import numpy as np
 from fem import SolverError
 from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect, Values
+from identify.effects.initial import lacking_in
 from identify.effects.readings import Readings
 from identify.effects.units import digits
 from identify.fit.contact_law import ContactLaw
@@ -310,14 +311,8 @@ def refuse_effect(effect: Effect, readings: Readings, initial: Values) -> None:
     reason = effect.untestable(readings)
     if reason is not None:
         raise InputError(f"the effect '{effect.name}' cannot be fitted to this scan: {reason}")
-    missing = [p.name for p in effect.parameters if p.name not in initial]
-    unknown = [n for n in initial if n not in {p.name for p in effect.parameters}]
-    if initial and (missing or unknown):
-        names = ", ".join(p.name for p in effect.parameters)
-        raise InputError(
-            f"effect '{effect.name}', key initial: expected values of {names}; "
-            f"{'missing ' + missing[0] if missing else 'unknown ' + unknown[0]}"
-        )
+    if lacking := lacking_in(effect, initial):
+        raise InputError(f"effect '{effect.name}': expected {lacking}")
 
 
 def _with_effect(

@@ -16,6 +16,7 @@ from palpmap.study.body_model import points_of, try_body_model
 from palpmap.study.cell_size import cell_size_m, free_map_cell_m, probed_part
 from palpmap.study.checks import refuse_contradictions, too_few
 from palpmap.study.contact_body import surface_notes
+from palpmap.study.faults import naming_study
 from palpmap.study.label_file import regions_of
 from palpmap.study.placement import Placement, place_scan
 from palpmap.study.study import Body, Noise, Study, load_study
@@ -75,7 +76,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
     study = load_study(path)
     scan = read_scan(study.scan, study.study.units_checked)
     doubts = scan_findings(scan)
-    with naming(doubts):
+    with naming(doubts), naming_study(path):
         placement = place_scan(touching(scan), study)
         refuse_contradictions(placement, study)
         if study.effects:

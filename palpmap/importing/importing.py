@@ -282,7 +282,7 @@ def commented(text: str, first: str) -> str:
         "[body]": "# The body: size, file and origin_m (its frame in the scan's) in m.",
         "[probe]": "# The tip.",
         "[noise]": "# One standard deviation: of each reading, the depth of first touch, the lag.",
-        "[map]": '# Number of inclusions, or "auto".',
+        "[map]": '# A number of inclusions (or "auto"), or kind = "free": a map of any shape.',
     }
     lines = []
     for line in text.splitlines():

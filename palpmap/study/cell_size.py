@@ -75,7 +75,8 @@ def cell_size_m(body: Body, probed_m: np.ndarray | None = None) -> float:
         edges = np.cbrt(volume_of(body)) / body.cell_size_m
         raise InputError(
             f"study, key body.cell_size_m: found {body.cell_size_m:g} m, which would make about "
-            f"{min(edges, 1e15) ** 3:,.4g} cells of this body; expected at least {least:.3g} m"
+            f"{min(edges, 1e15) ** 3:,.4g} cells of this body; expected at least {least:.3g} m; "
+            "make it larger or leave it out"
         )
     largest = _shortest_edge(body) / 2
     if body.cell_size_m > largest * (1 + 1e-9):

@@ -56,7 +56,7 @@ def _refuse_tip(study: Study) -> None:
     if study.probe.tip not in ("flat", "sphere"):
         raise InputError(
             f'{study.scan}: its study has probe.tip = "{study.probe.tip}", expected "flat" or '
-            '"sphere", the contacts that the model knows; fit the presses of such a tip alone'
+            '"sphere", the contacts that the model knows; a scan by another tip cannot be fitted'
         )
 
 

@@ -1,9 +1,12 @@
 """Faults of TOML files, each in one sentence."""
 
+import os
 import re
 import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
@@ -36,6 +39,17 @@ def read_table(path: Path, kind: type[T], what: str) -> T:
         raise InputError(fault_sentence(path, error, kind)) from error
 
 
+@contextmanager
+def naming_study(path: str | os.PathLike[str] | None) -> Iterator[None]:
+    """Name the study's file in sentences of code that knows its content alone."""
+    try:
+        yield
+    except InputError as error:
+        if path is None or not str(error).startswith("study, "):
+            raise
+        raise InputError(f"{path}{str(error).removeprefix('study')}") from error
+
+
 _EXPECTED = {
     "float_type": "a number without quotes",
     "int_type": "a whole number without quotes",
@@ -45,6 +59,17 @@ _EXPECTED = {
     "dict_type": "a table",
     "model_type": "a table",
     "finite_number": "a finite number",
+    "string_too_short": "text that is not empty",
+    "float_parsing": "a number, such as 0.49",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_parsing": "true or false",
+    "list_type": "a list in square brackets",
+    "mapping_type": "a table",
+    "path_type": "the name of a file",
+    "missing": "this key",
+    "too_long": "fewer values",
+    "too_short": "more values",
 }
 """Pydantic's kinds of faults in the words of a person who writes TOML."""
 
@@ -59,6 +84,16 @@ def shortened(found: object) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
+def expected_by(fault: Mapping[str, Any]) -> str:
+    """Return the expectation behind one of pydantic's faults, in plain words.
+
+    >>> expected_by({"type": "float_parsing", "msg": "Input should be a valid number, unable to"})
+    'a number, such as 0.49'
+    """
+    said = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")
+    return said.removeprefix("Input should be ")
+
+
 def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str:
     """Turn the first fault of a TOML file into a sentence; the number of further ones is said."""
     # A misspelt key is a missing one too: the misspelling explains more.
@@ -68,8 +103,7 @@ def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str
     fields = _fields_of_table(fault["loc"][:-1], root)
     last = str(fault["loc"][-1])
     found = fault["input"]
-    expected = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")
-    expected = expected.removeprefix("Input should be ")
+    expected = expected_by(fault)
     if fault["loc"][0] == "effects" and fault["type"] in ("tuple_type", "model_type"):
         expected = 'a table for each effect: write [[effects]], and name = "..." below it'
     if fault["type"] == "extra_forbidden":

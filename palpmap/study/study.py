@@ -120,7 +120,7 @@ class Map(Table):
         field = ("length_m", "spread", "regions", "regions_unit_m")
         of_others = ("inclusions", "initial", "fixed") if free else field
         for key in of_others:
-            if getattr(self, key) != Map.model_fields[key].get_default(call_default_factory=True):
+            if key in self.model_fields_set and getattr(self, key) not in ({}, None):
                 says = "which has no inclusions" if free else 'not "free"'
                 raise ValueError(f"no key '{key}', as kind is \"{self.kind}\", {says}; remove one")
         return self
@@ -180,6 +180,7 @@ class Effect(Table):
         if self.file is not None:
             return self
         from identify.catalogue import CATALOGUE  # here, as most studies name no effect
+        from identify.effects import lacking_in
 
         names = tuple(effect.name for effect in CATALOGUE)
         if self.name not in names:
@@ -187,6 +188,8 @@ class Effect(Table):
                 "an effect of the catalogue (`palpmap effects` lists them), or with file = ... one "
                 f"of your own, not '{self.name}'{nearest(self.name, names)}"
             )
+        if lacking := lacking_in(CATALOGUE[self.name], self.initial):
+            raise ValueError(lacking)
         return self
 
 

@@ -179,7 +179,7 @@ def test_a_file_of_quadrilaterals_is_cut_into_triangles(tmp_path):
 
 
 def test_missing_foreign_and_cut_off_files_give_one_sentence_with_the_path(tmp_path):
-    with pytest.raises(MeshError, match=r"none\.stl: there is no such file"):
+    with pytest.raises(MeshError, match=r"none\.stl: there is no such file; check the path"):
         read_surface(tmp_path / "none.stl")
     with pytest.raises(MeshError, match=r"must end in one of \.stl, \.obj, \.ply"):
         read_surface(tmp_path / "mesh.vtk")

@@ -42,6 +42,8 @@ def study(tmp_path) -> Path:
         ("background_pa = 5200.0", f"background_pa = 1{'0' * 400}", "a size up to 1e+12 for 'back"),
         ("background_pa = 5200.0", f"background_pa = 1{'0' * 9000}", "text that is not TOML"),
         ("inclusions = 1", "inclusions = 10000000", "a whole number from 0 to 100, or"),
+        ('name = "twelve_presses"', 'name = ""', "found '', expected text that is not empty"),
+        ("inclusions = 1", 'kind = "free"\ninclusions = 1', "no key 'inclusions', as kind is"),
         ("[body]", "[uncertainty]\nsamples = -5\n[body]", "a whole number from 1000 to 1000000"),
         ("[body]", "[uncertainty]\nsamples = 'many'\n[body]", "found 'many', expected a whole"),
         ("cell_size_m = 0.01", "cell_size_m = 1e-110", "key body.cell_size_m: found 1e-110 m"),
@@ -57,6 +59,20 @@ def test_a_study_beyond_all_reason_is_refused_in_a_sentence(study, old, new, say
     said = refused("check", study)
     assert says in said
     assert len(said) < 1000
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("new", "s.csv", "--poisson", "0,49"), "found '0,49', expected a number, such as 0.49"),
+        (("demo", "--seed", "x"), "found 'x', expected a whole number"),
+        (("demo", "--seed", "-1"), "found '-1', expected greater than or equal to 0"),
+    ],
+)
+def test_a_value_of_an_option_is_refused_in_plain_words(words, says):
+    said = refused(*words)
+    assert says in said
+    assert "Input" not in said
 
 
 def test_samples_that_cannot_be_drawn_are_refused_before_the_fit(study, monkeypatch):

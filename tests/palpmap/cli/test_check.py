@@ -134,7 +134,7 @@ def test_cells_larger_than_half_the_body_are_refused(tmp_path):
     study.write_text(text.replace("[probe]", "cell_size_m = 0.03\n[probe]"))
     result = check(study)
     assert result.exit_code == 2
-    assert "body.cell_size_m: found 0.03 m, expected at most 0.024 m" in result.stderr
+    assert f"{study}, key body.cell_size_m: found 0.03 m, expected at most 0.024 m" in result.stderr
     study.write_text(text.replace("[probe]", "cell_size_m = 0.024\n[probe]"))
     assert checked(study)["cell_size_m"] == 0.024
 
@@ -145,7 +145,16 @@ def test_cells_larger_than_half_the_body_are_refused(tmp_path):
         ('name = "breathing"', "'breathing' cannot be fitted to this scan: the scan has no time"),
         (
             'name = "contact_offset"\ninitial = { ofset_m = 1e-4 }',
-            "effect 'contact_offset', key initial: expected values of offset_m; missing offset_m",
+            "study.toml, key effects.0: expected values of offset_m under initial of "
+            "'contact_offset', not of 'ofset_m'; the nearest right name is 'offset_m'",
+        ),
+        (
+            'name = "viscoelasticity"\ninitial = { g = 0.1 }',
+            "under initial of 'viscoelasticity'; tau_s is missing",
+        ),
+        (
+            'name = "contact_offset"\ninitial = { offset_m = 99 }',
+            "effects.0: expected initial.offset_m of 'contact_offset' from -0.01 to 0.01 m, not 99",
         ),
     ],
 )

@@ -200,8 +200,8 @@ def test_an_older_record_lacks_what_has_a_default_and_may_hold_more(tmp_path):
         ('{"schema": 1, "runs": [', "not JSON"),
         ("[1, 2]", "key schema: found None"),
         ('{"runs": []}', "key schema: found None"),
-        ('{"schema": 1, "runs": 3}', "key runs: Input should be a valid"),
-        ('{"schema": 1}', "key runs: Field required; run the command that writes it again"),
+        ('{"schema": 1, "runs": 3}', "key runs: expected a list"),
+        ('{"schema": 1}', "key runs: expected this key; run the command that writes it again"),
     ],
 )
 def test_a_broken_record_is_refused(text, sentence, tmp_path):

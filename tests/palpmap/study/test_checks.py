@@ -121,4 +121,6 @@ def test_a_guess_outside_the_body_is_refused_in_the_scans_frame():
 @pytest.mark.parametrize("tip", ["cone", "ring", "several"])
 def test_a_tip_without_a_contact_model_is_refused(tip):
     known = study().model_copy(update={"probe": Probe(tip=tip, radius_m=0.005)})
-    assert f'probe.tip = "{tip}", expected "flat" or "sphere"' in refused(scan(6), known)
+    said = refused(scan(6), known)
+    assert f'probe.tip = "{tip}", expected "flat" or "sphere"' in said
+    assert "a scan by another tip cannot be fitted" in said

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from models import InputError
 from palpmap import api
 from palpmap.commands.fit import run_fit
 from palpmap.console import Output
@@ -33,6 +34,11 @@ def run_compare(*, source: Path, out: Path | None, output: Output) -> bool:
     from rich.markup import escape
 
     run = source
+    if not source.exists():
+        raise InputError(
+            f"{source}: no such file or folder, expected a run folder or a study file (.toml); "
+            "check the path"
+        )
     if not source.is_dir():
         load_study(source)  # Complain of the study before a folder is made for it.
         run = out = out or default_folder("compare")

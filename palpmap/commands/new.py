@@ -6,7 +6,7 @@ from pathlib import Path
 
 from models import InputError
 from palpmap.console import Output, plain, to_type
-from palpmap.importing.new import FLAGS, Facts, new_study
+from palpmap.importing.new import FLAGS, Facts, new_study, read_own
 
 
 def run_new(
@@ -31,6 +31,8 @@ def run_new(
     InputError
         Something that the scan cannot tell is not given: its flag.
     """
+    if facts.missing:
+        read_own(scan)  # no question before the answer that the file has another form
     if facts.missing and ask is None:
         lacking = "; ".join(": ".join(FLAGS[key]) for key in facts.missing)
         raise InputError(f"the scan does not tell everything; give {lacking}")

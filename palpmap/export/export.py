@@ -46,6 +46,10 @@ def export_run(run: Run, form: str, path: Path | None = None) -> tuple[Path, lis
         if form == "mujoco":
             found = write_mujoco(body, path)
             said.append(
+                f"{path.with_suffix('.npz').name} beside it has the modulus of each element and "
+                "belongs to it: keep both, and read them with palpmap.load_mujoco."
+            )
+            said.append(
                 f"Poisson's ratio is {found.poisson_ratio:g} and all moduli were multiplied by "
                 f"{found.factor:.3f}, as MuJoCo's elements have four nodes; the compliance of each "
                 f"press is then that of the fit to {100 * found.largest:.1f} %."

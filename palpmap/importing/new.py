@@ -90,6 +90,21 @@ class Facts:
             ) from error
 
 
+def read_own(path: Path) -> Scan:
+    """Read a scan in palpmap's form; of a table in another one the fault names `palpmap import`."""
+    try:
+        return read_scan(path)
+    except InputError as error:
+        said = str(error)
+        of_form = "column" in said or "found the ending" in said
+        if not path.is_file() or not of_form or ", row " in said:
+            raise
+        raise InputError(
+            f"{said}; or start `palpmap import` of the table as it is with "
+            f"`palpmap import {path} --propose > rig.toml`"
+        ) from error
+
+
 def new_study(scan_file: Path, folder: Path, facts: Facts) -> tuple[Path, list[str]]:
     """Write a commented study for a scan, with copies of the scan and of the body's surface.
 
@@ -108,7 +123,7 @@ def new_study(scan_file: Path, folder: Path, facts: Facts) -> tuple[Path, list[s
     InputError
         A scan or a body that cannot be right; a study that is there already.
     """
-    scan = read_scan(scan_file)
+    scan = read_own(scan_file)
     study_file = folder / "study.toml"
     if study_file.exists():
         raise InputError(

@@ -25,11 +25,17 @@ def statement_of(d: RunDifference, origin_m: np.ndarray) -> str:
     """Return the outcome in two sentences."""
     at, ratio = d.largest, float(np.exp(d.log_ratio[d.largest]))
     x, y, z = 1e3 * (d.grid.points_m[at] + origin_m)
+    far = abs(d.standard_errors[at])
     where = (
         f"The largest difference is at ({x:.0f}, {y:.0f}, {z:.0f}) mm: the other map is "
-        f"{ratio:.3g} times the one there, {abs(d.standard_errors[at]):.1f} standard errors off "
+        f"{ratio:.3g} times the one there, {far:.1f} standard errors off "
         f"(p {units.p_value(d.p_value)} among {d.independent})"
     )
+    if far < 1:
+        where = (
+            f"The largest difference, at ({x:.0f}, {y:.0f}, {z:.0f}) mm, is smaller than its "
+            f"error, {far:.1f} of it: there the two scans cannot tell the maps apart"
+        )
     names = dict.fromkeys(c.name.rpartition(".")[0] for c in d.changed if "." in c.name)
     names = [name for name in names if not name.startswith("inclusion_")]
     instrument = f"Of the effects, {', '.join(names)} differ." if names else "No effect differs."

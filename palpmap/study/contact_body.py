@@ -76,14 +76,15 @@ def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> 
         f"at most {angle_deg.max():.2g}"
     )
     points = made.through.points_m
-    shift = np.abs(made.surface.heights(points[:, :2]) - points[:, 2]).max()
+    off = np.abs(made.surface.heights(points[:, :2]) - points[:, 2]).max()
+    error, shift = 1e3 * np.round([made.through.error_m, off], 7)  # without a computer's rounding
     notes = [
         f"The body's surface goes through {len(points)} contact points; it "
-        f"predicts points left out to {1e3 * made.through.error_m:.2g} mm. Contacts lie at "
+        f"predicts points left out to {error:.2g} mm. Contacts lie at "
         f"most {1e3 * np.round(distance_m.max(), 6):g} mm off it. {directions}"
         + (f"; by more than {DIFFERENT_DEG:g} in {far} of {len(angle_deg)}." if far else "."),
         "Finite elements show no shape finer than themselves: the body is meshed under the same "
-        f"surface smoothed over {1e3 * made.smoothed_m:.2g} mm, up to {1e3 * shift:.2g} mm off, "
+        f"surface smoothed over {1e3 * made.smoothed_m:.2g} mm, up to {shift:.2g} mm off, "
         "and pressed along its normals; body.cell_size_m sets that.",
     ]
     if body.margin_m is None:

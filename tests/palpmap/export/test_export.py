@@ -90,6 +90,7 @@ def mujoco_compliance(path, press):
 
 def test_mujoco_repeats_a_press(run, tmp_path):
     path, said = export_run(run, "mujoco", tmp_path / "body.xml")
+    assert "body.npz beside it" in said[-2]
     assert "MuJoCo" in said[-1]
     found, expected = mujoco_compliance(path, 4)
     assert found == pytest.approx(expected, rel=AGREES)

@@ -74,6 +74,25 @@ def test_a_wrong_value_is_answered_in_a_sentence(words, said, tmp_path):
     assert not (tmp_path / "s" / "study.toml").exists()
 
 
+@pytest.mark.parametrize("name", ["other.csv", "other.xlsx"])
+def test_a_table_in_another_form_is_sent_to_import(name, tmp_path):
+    (tmp_path / name).write_text("Druck;Kraft [N]\n1;0,4\n")
+    said = run(tmp_path / name, "--out", tmp_path / "s", code=2).stderr
+    assert f"`palpmap import {tmp_path / name} --propose" in said
+
+
+def test_the_comment_above_the_map_knows_the_free_one(tmp_path):
+    run(SCAN, *ALL, "--inclusions", "free", "--out", tmp_path / "s")
+    text = (tmp_path / "s" / "study.toml").read_text()
+    assert 'or kind = "free": a map of any shape.\n[map]\nkind = "free"' in text
+
+
+def test_a_flat_surface_predicts_points_to_0_mm(tmp_path):
+    given = ("--tip", "flat", "--thickness", "0.048", "--poisson", "0.49")
+    said = json.loads(run(SCAN, *given, "--out", tmp_path / "s", "--json").stdout)["said"]
+    assert "predicts points left out to 0 mm" in " ".join(said)
+
+
 def test_questions_take_the_place_of_flags_on_a_terminal(tmp_path):
     answers = iter(["ball", "flat", "thick", "0.096,0.096,0.048", "1.2", "0.49"])
     asked: list[str] = []

@@ -97,7 +97,14 @@ def test_two_runs_are_compared_with_a_report(tmp_path):
     record = json.loads(done.stdout)
     assert (record["maps_differ"], record["ratio"]) == (False, 1.0)
     assert set(schemas()["difference"]["required"]) <= set(record)
+    assert "is smaller than its error, 0.0 of it" in record["statement"]
     assert "The maps agree" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_nothing_to_compare_is_said_with_all_that_can_be_compared(tmp_path):
+    done = CliRunner().invoke(app, ["compare", str(tmp_path / "nowhere")])
+    assert done.exit_code == 2
+    assert "no such file or folder, expected a run folder or a study file" in done.stderr
 
 
 def test_readings_that_the_fit_has_seen_are_said():

@@ -19,8 +19,8 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     All columns are brought to the clock of the force; one of another table is interpolated, and
     of press and phase the last value counts.
     """
-    names = rig.force.columns or (str(rig.force.column),)
-    force, table = numbers(recording, names, rig.force.unit, "force", "force.columns")
+    names, key = rig.force.named
+    force, table = numbers(recording, names, rig.force.unit, "force", key)
     clock = rig.force.clock or rig.time
     time = seconds(recording, table, clock, "time")
     m = len(force)
@@ -38,12 +38,13 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     direction = _directions(rig, m, column)
     said = []
     vectors, along = _along(rig, rig.force.sign * force, direction)
-    travel = rig.travel.sign * column((rig.travel.column,), rig.travel.unit, "length", "travel")
-    travel = travel[:, 0]
-    points = rotated(rig, column(rig.point.columns, rig.point.unit, "length", "point"), place=True)
+    travel = column((rig.travel.column,), rig.travel.unit, "length", "travel.column")
+    travel = rig.travel.sign * travel[:, 0]
+    points = column(rig.point.columns, rig.point.unit, "length", "point.columns")
+    points = rotated(rig, points, place=True)
     if rig.radius:
-        radius = rig.radius.sign * column((rig.radius.column,), rig.radius.unit, "length", "radius")
-        radius = radius[:, 0]
+        stated = column((rig.radius.column,), rig.radius.unit, "length", "radius.column")
+        radius = rig.radius.sign * stated[:, 0]
     else:
         radius = np.full(m, rig.probe.radius_m)
     order = np.argsort(press, kind="stable") if np.any(np.diff(press) < 0) else np.arange(m)
@@ -74,17 +75,38 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
         probe_radius_m=radius[order],
         force_vector_n=None if vectors is None else vectors[order],
     )
+    used = scan.used()
+    _refuse_wrong_sign(used.press, used.force_n, rig.force.sign, "force")
+    _refuse_wrong_sign(used.press, used.displacement_m, rig.travel.sign, "travel")
     return scan, said
 
 
 def phases(press: np.ndarray, travel: np.ndarray, force: np.ndarray) -> np.ndarray:
     """Return the phase of each reading (m,), from travel and force of its press."""
     found = np.full(len(press), "load", dtype="U6")
-    for rows in np.split(np.arange(len(press)), np.flatnonzero(np.diff(press)) + 1):
+    for rows in _rows_of_presses(press):
         held = hold_of(travel[rows], force[rows], PLATEAU)
         found[rows[held.start : held.stop]] = "hold"
         found[rows[held.stop :]] = "unload"
     return found
+
+
+def _rows_of_presses(press: np.ndarray) -> list[np.ndarray]:
+    return np.split(np.arange(len(press)), np.flatnonzero(np.diff(press)) + 1)
+
+
+def _refuse_wrong_sign(press: np.ndarray, values: np.ndarray, sign: int, key: str) -> None:
+    """Refuse values (m,) whose largest size is negative in most presses."""
+    rows = [r for r in _rows_of_presses(press) if len(r)]  # none of a scan without contact
+    peaks = np.array([values[r][np.abs(values[r]).argmax()] for r in rows])
+    if 2 * np.sum(peaks < 0) > len(peaks):
+        j = int(peaks.argmin())
+        raise InputError(
+            f"key {key}.sign: found {sign}, which makes the {key} negative in "
+            f"{np.sum(peaks < 0)} of {len(peaks)} presses (press {press[rows[j][0]]:g}: "
+            f"{peaks[j]:.3g} {'N' if key == 'force' else 'm'}), expected a {key} into the body "
+            f"that counts positive; set {key}.sign = {-sign}"
+        )
 
 
 def hold_of(travel: np.ndarray, force: np.ndarray, plateau: float) -> slice:
@@ -93,7 +115,10 @@ def hold_of(travel: np.ndarray, force: np.ndarray, plateau: float) -> slice:
     Travel stays up while the force relaxes, or the force while the tip creeps: the hold begins
     where the first of them reaches its plateau and ends where the last one leaves it.
     """
-    high = [np.flatnonzero(values >= plateau * values.max()) for values in (travel, force)]
+    high = []
+    for values in (travel, force):
+        top = values.max()  # below zero in a press in the air, by the sensor's zero
+        high.append(np.flatnonzero(values >= top - (1 - plateau) * abs(top)))
     first, last = min(rows[0] for rows in high), max(rows[-1] for rows in high)
     return (
         slice(int(first), int(last) + 1) if last > first else slice(int(first) + 1, int(first) + 1)

@@ -135,6 +135,13 @@ class Force(Table):
             raise ValueError('column = "..." or columns = [x, y, z], one of the two')
         return self
 
+    @property
+    def named(self) -> tuple[tuple[str, ...], str]:
+        """Columns, one or three, and the key that names them."""
+        if self.columns is not None:
+            return self.columns, "force.columns"
+        return (str(self.column),), "force.column"
+
 
 class Pose(Table):
     """`[pose]`: where the tip is.

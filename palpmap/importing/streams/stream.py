@@ -59,8 +59,8 @@ class Stream:
 
 def read_force(recording: Recording, rig: Rig, said: list[str]) -> Stream:
     """Return the force in N as the sensor has it, (m, 1) or (m, 3), sign applied."""
-    names = rig.force.columns or (str(rig.force.column),)
-    values, table = numbers(recording, names, rig.force.unit, "force", "force.columns", True)
+    names, key = rig.force.named
+    values, table = numbers(recording, names, rig.force.unit, "force", key, True)
     time = _time(recording, table, rig.force.clock or rig.time, "force")
     return ordered(time, rig.force.sign * values, f"force ({table.name})", said)
 

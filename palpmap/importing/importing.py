@@ -12,6 +12,7 @@ import numpy as np
 from identify import Progress, silent
 from models import InputError, Scan, read_scan, replaced, touching, write_scan
 from palpmap.importing.mapping.rig import Rig, load_rig
+from palpmap.importing.new_folder import new_folder
 from palpmap.importing.places import at_places, with_places
 from palpmap.importing.readers.read import read_recording
 from palpmap.importing.readings import scan_of_readings
@@ -67,19 +68,19 @@ class Imported:
             raise InputError(
                 f"{study_file}: is already there and is not overwritten; choose another --out"
             )
-        folder.mkdir(parents=True, exist_ok=True)
         scan_file, page_file = folder / f"scan.{form}", folder / "import.md"
-        write_scan(self.scan, scan_file)
-        with replaced(page_file) as beside:
-            beside.write_text(self.page(), encoding="utf-8")
-        # Last, as a study that is there is not overwritten: an import that was killed runs again
-        try:
-            checked_study(_study(self, scan_file, folder), study_file)
-        except ValueError:
-            scan_file.unlink(missing_ok=True)
-            page_file.unlink(missing_ok=True)
-            raise
         names = ", ".join(path.name for path in self.files[:3]) + ", ..." * (len(self.files) > 3)
+        of_scan = f"scan of {names}"
+        users = {str(scan_file.resolve()): of_scan, str(scan_file): of_scan,
+                 str(study_file): "mapping"}  # fmt: skip
+        if self.rig.body is not None and (surface := self.rig.body.file) is not None:
+            users[str(folder / surface.name)] = str(surface)
+        with new_folder(folder, users):
+            write_scan(self.scan, scan_file)
+            with replaced(page_file) as beside:
+                beside.write_text(self.page(), encoding="utf-8")
+            # Last, as a study that is there is not overwritten: a killed import runs again
+            checked_study(_study(self, scan_file, folder), study_file)
         text = commented(
             study_file.read_text(encoding="utf-8"),
             f"# Made by palpmap import from {names}; import.md says what was found.",
@@ -175,7 +176,14 @@ def import_recording(
     12
     """
     files = [files] if isinstance(files, (str, os.PathLike)) else list(files)
-    rig = rig if isinstance(rig, Rig) else load_rig(rig)
+    if not isinstance(rig, Rig):
+        mapping, rig = rig, load_rig(rig)
+        try:
+            return import_recording(files, rig, progress=progress)
+        except InputError as error:
+            if not str(error).startswith("key "):
+                raise
+            raise InputError(f"{os.fspath(mapping)}, {error}") from error
     if asked := rig.needed():
         keys = "; ".join(f"{key}: {question}" for key, question in asked)
         raise InputError(
@@ -259,20 +267,16 @@ def _study(made: Imported, scan_file: Path, folder: Path) -> Study:
 
 
 def checked_study(study: Study, study_file: Path) -> None:
-    """Write a study and read it back with its scan; what cannot be right leaves no file.
+    """Write a study and read it back with its scan.
 
     Raises
     ------
     InputError
         Scan and study do not fit together.
     """
-    try:
-        write_study(study, study_file)
-        scan = read_scan(study.scan, study.study.units_checked)
-        place_scan(touching(scan), load_study(study_file))
-    except ValueError:
-        study_file.unlink(missing_ok=True)
-        raise
+    write_study(study, study_file)
+    scan = read_scan(study.scan, study.study.units_checked)
+    place_scan(touching(scan), load_study(study_file))
 
 
 def commented(text: str, first: str) -> str:

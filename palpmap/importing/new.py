@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from models import InputError, Scan, read_scan, replaced, scan_findings, touching, write_scan
 from palpmap.importing.importing import checked_study, commented
-from palpmap.study.body import Body
+from palpmap.importing.new_folder import new_folder
 from palpmap.study.contact_body import STEEPEST_DEG, steepness_deg, surface_notes
 from palpmap.study.faults import fault_sentence
 from palpmap.study.kept_inputs import copied, copy_file
 from palpmap.study.placement import place_scan
-from palpmap.study.study import About, Map, Noise, Probe, Study, load_study
+from palpmap.study.study import Noise, Study, load_study
 from palpmap.study.units_check import LARGEST_BODY_M
 
 FLAGS = {
@@ -30,6 +30,18 @@ FLAGS = {
     "poisson_ratio": ("--poisson", "the body's Poisson's ratio, such as 0.49 for soft tissue"),
 }
 """What a scan cannot tell: flag and question by name."""
+_FLAG_OF = {
+    "body.thickness_m": "--thickness",
+    "body.margin_m": "--margin",
+    "body.size_m": "--size",
+    "body.file": "--surface",
+    "body.origin_m": "--origin",
+    "body.poisson_ratio": "--poisson",
+    "probe.tip": "--tip",
+    "map.inclusions": "--inclusions",
+    "study.name": "--name",
+}
+"""Flag that gives a key of the study."""
 ON_TOP_M = 1e-3
 LEANING_DEG = 30.0  # between the presses and an axis of their frame that is taken for them
 
@@ -133,16 +145,26 @@ def new_study(scan_file: Path, folder: Path, facts: Facts) -> tuple[Path, list[s
     if facts.thickness_m is not None and (upright := _upright(scan)) is not None:
         scan = turned(scan, upright)
         said.append(_turning(upright, touching(scan)))
-    study = _study(scan, scan_file, study_file, facts)
-    folder.mkdir(parents=True, exist_ok=True)
-    if upright is None:
-        copy_file(scan_file, folder / scan_file.name)
-    else:
-        write_scan(scan, folder / scan_file.name)
+    if facts.surface and not facts.surface.is_file():
+        raise InputError(
+            f"--surface: {facts.surface} is no file, expected a closed surface (.stl, .obj or "
+            ".ply); check the path"
+        )
+    copy = folder / scan_file.name
+    users = {str(copy.resolve()): str(scan_file), str(copy): str(scan_file),
+             f"{study_file}, key ": "", **_FLAG_OF}  # fmt: skip
     if facts.surface:
-        body = copied(study.body, folder / facts.surface.name)
-        study = study.model_copy(update={"body": body})
-    checked_study(study, study_file)
+        users[str(folder / facts.surface.name)] = str(facts.surface)
+    with new_folder(folder, users):
+        study = _study(scan, scan_file, study_file, facts)
+        if upright is None:
+            copy_file(scan_file, copy)
+        else:
+            write_scan(scan, copy)
+        if facts.surface:
+            body = copied(study.body, folder / facts.surface.name)
+            study = study.model_copy(update={"body": body})
+        checked_study(study, study_file)
     text = commented(
         study_file.read_text(encoding="utf-8"),
         "\n".join(
@@ -178,19 +200,15 @@ def _study(scan: Scan, scan_file: Path, study_file: Path, facts: Facts) -> Study
         "name": facts.name or scan_file.stem,
         "scan": study_file.with_name(scan_file.name).resolve(),
     }
-    noise = facts.noise
+    tables = {
+        "study": about,
+        "body": table,
+        "probe": {"tip": facts.tip, "radius_m": float(scan.contact_radii[0])},
+        "noise": facts.noise,
+        "map": {"kind": "free"} if inclusions == "free" else {"inclusions": inclusions},
+    }
     try:
-        return Study(
-            study=About.model_validate(about),
-            body=Body.model_validate(table),
-            probe=Probe.model_validate(
-                {"tip": facts.tip, "radius_m": float(scan.contact_radii[0])}
-            ),
-            noise=noise,
-            map=Map.model_validate(
-                {"kind": "free"} if inclusions == "free" else {"inclusions": inclusions}
-            ),
-        )
+        return Study.model_validate(tables)
     except ValidationError as error:
         raise InputError(fault_sentence(study_file, error, Study)) from error
 

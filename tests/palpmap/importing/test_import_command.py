@@ -96,6 +96,11 @@ def test_what_a_recording_does_not_tell_is_asked_for_by_its_key(scan, tmp_path):
         (('kind = "readings"', "kind = readings"), "not TOML"),
         (("size_m = [0.096", "size_m = [96"), "body.size_m"),
         (('number = "Kontakt"', 'number = "Kraft [N]"'), "expected whole numbers"),
+        (("Kraft [N]", "Kraft"), "rig.toml, key force.column: the recording has no 'Kraft'"),
+        (("size_m = [0.096", "size_m = [96.0"), "mapping, key body.size_m: found 96 m"),
+        (('unit = "N"', 'unit = "kN"'), "scan of german.csv, row"),
+        (('unit = "N"', 'unit = "N", sign = -1'), "rig.toml, key force.sign: found -1"),
+        (('unit = "um"', 'unit = "um", sign = -1'), "rig.toml, key travel.sign: found -1"),
     ],
 )
 def test_a_wrong_mapping_is_answered_in_one_sentence(change, said, scan, tmp_path):
@@ -107,7 +112,18 @@ def test_a_wrong_mapping_is_answered_in_one_sentence(change, said, scan, tmp_pat
     result = run(*foreign.files, "--rig", rig, "--out", tmp_path / "study", "--quiet", code=2)
     assert said in result.stderr
     assert result.stderr.count("\n") == 1
-    assert not (tmp_path / "study" / "study.toml").exists()
+    assert "units_checked" not in result.stderr
+    assert not (tmp_path / "study").exists()
+
+
+def test_a_press_in_the_air_is_imported_and_named_by_check(scan, tmp_path):
+    """Its forces are the sensor's zero, slightly below 0."""
+    air = scan.press == 5
+    foreign = csv_german(scan.replace(force_n=np.where(air, -0.001, scan.force_n)), tmp_path)
+    rig = tmp_path / "rig.toml"
+    rig.write_text(foreign.rig.replace('phase = "Phase"', "") + BODY, encoding="utf-8")
+    made = import_recording(foreign.files, rig).write(tmp_path / "study")
+    assert ("no_contact", (6,)) in [(d.kind, d.presses) for d in check_study(made).doubts]
 
 
 @pytest.fixture(scope="module")

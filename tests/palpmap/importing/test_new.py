@@ -63,15 +63,32 @@ def test_another_frame_is_asked_for_with_the_height_that_the_points_tell(tmp_pat
     [
         (("--size", "0.096,0.096"), "three numbers"),
         (("--size", "96,96,48"), "looks like millimetres"),
-        (("--poisson", "0.7"), "poisson_ratio"),
-        (("--inclusions", "many"), "inclusions"),
+        (("--poisson", "0.7"), "palpmap: --poisson: found 0.7"),
+        (("--inclusions", "many"), "palpmap: --inclusions: found 'many'"),
         (("--force-noise", "-1"), "--force-noise"),
+        (("--origin", "0,0,0.01"), "check --size and --origin"),
     ],
 )
-def test_a_wrong_value_is_answered_in_a_sentence(words, said, tmp_path):
-    given = [*ALL, *words]
-    assert said in run(SCAN, *given, "--out", tmp_path / "s", code=2).stderr
-    assert not (tmp_path / "s" / "study.toml").exists()
+def test_a_wrong_value_is_answered_by_its_flag_and_leaves_no_folder(words, said, tmp_path):
+    stderr = run(SCAN, *ALL, *words, "--out", tmp_path / "s", code=2).stderr
+    assert said in stderr
+    assert str(tmp_path) not in stderr
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_wrong_body_is_answered_by_its_flag_and_leaves_what_was_there(tmp_path):
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "notes.txt").touch()
+    words = (SCAN, "--tip", "flat", "--poisson", "0.49", "--out", tmp_path / "s")
+    said = run(*words, "--thickness", "30", code=2).stderr
+    assert "palpmap: --thickness: found 30 m" in said
+    assert "units_checked" not in said
+    said = run(*words, "--surface", "none.stl", code=2).stderr
+    assert "--surface: none.stl is no file" in said
+    (tmp_path / "body.txt").touch()
+    said = run(*words, "--surface", tmp_path / "body.txt", code=2).stderr
+    assert f"{tmp_path / 'body.txt'}: a surface file must end" in said
+    assert [path.name for path in (tmp_path / "s").iterdir()] == ["notes.txt"]
 
 
 @pytest.mark.parametrize("name", ["other.csv", "other.xlsx"])

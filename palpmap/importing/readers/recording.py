@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import datetime, time
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -63,7 +63,9 @@ class Channel:
         return self.values.dtype.kind == "f"
 
     def numbers(self, empty: bool = False) -> np.ndarray:
-        """Return the values as float64, (m,); dates become seconds since 1970.
+        """Return the values as float64, (m,).
+
+        Dates become seconds since 1970, times of day seconds since midnight.
 
         Parameters
         ----------
@@ -87,17 +89,22 @@ class Channel:
     def _from_text(self) -> np.ndarray:
         values = np.empty(len(self.values))
         for row, text in enumerate(self.values.tolist()):
-            try:
-                values[row] = float(text) if text else np.nan
-            except ValueError:
-                try:
-                    values[row] = datetime.fromisoformat(text).timestamp()
-                except ValueError:
-                    raise InputError(
-                        f"{self.table.where(row)}, {self.name}: found '{text[:30]}', expected a "
-                        "number; correct the cell or name another column"
-                    ) from None
+            number = _number(text)
+            if number is None:
+                comma = "; write a decimal comma as a point, and no comma between thousands"
+                raise InputError(
+                    f"{self.table.where(row)}, {self.name}: found '{text[:30]}', expected a "
+                    f"number{comma if ',' in text else ''}; correct the cell or name another column"
+                )
+            values[row] = number
         return values
+
+    @property
+    def reads_as_numbers(self) -> bool:
+        """True where most cells are numbers, though some may be text."""
+        return self.is_number or (
+            2 * sum(_number(text) is not None for text in self.values.tolist()) > len(self.values)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,10 +193,40 @@ class Recording:
                 f"key {key}: '{name}' stands in {len(found)} tables of the recording; name one as "
                 f"{tables}"
             )
+        twice = [one for one in self.names if re.fullmatch(re.escape(name) + r"\.\d+", one)]
+        if len(twice) > 1:
+            raise InputError(
+                f"key {key}: '{name}' stands {len(twice)} times in the recording's header; name "
+                f"one, counted from the left, as {', '.join(map(repr, twice[:4]))}"
+            )
         some = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
         raise InputError(
             f"key {key}: the recording has no '{name}'{nearest(name, self.names)}; it has {some}"
         )
+
+
+def _number(text: str) -> float | None:
+    """Return a cell's number, NaN where it is empty; of dates and times of day seconds.
+
+    >>> _number("10:00:00.125"), _number("OVERFLOW")
+    (36000.125, None)
+    """
+    for read in (
+        lambda: float(text) if text else np.nan,
+        lambda: datetime.fromisoformat(text).timestamp(),
+        lambda: _of_day(time.fromisoformat(text)),
+        lambda: datetime.strptime(text, "%d.%m.%Y %H:%M:%S.%f").timestamp(),
+        lambda: datetime.strptime(text, "%d.%m.%Y %H:%M:%S").timestamp(),
+    ):
+        try:
+            return read()
+        except ValueError:
+            continue
+    return None
+
+
+def _of_day(clock: time) -> float:
+    return 3600 * clock.hour + 60 * clock.minute + clock.second + 1e-6 * clock.microsecond
 
 
 def alike(name: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from models import InputError
 from palpmap.importing.readers.recording import Table, alike
-from palpmap.importing.readers.text import header_units, is_units_row, once_each
+from palpmap.importing.readers.text import as_column, header_units, is_units_row, once_each
 
 LARGEST_BYTES = 2_000_000_000
 
@@ -76,15 +76,14 @@ def _numbers(cells: list[Any]) -> int:
 def _column(cells: list[Any]) -> np.ndarray:
     if all(cell is None or isinstance(cell, (int, float)) for cell in cells):
         return np.array([np.nan if cell is None else float(cell) for cell in cells])
-    return np.array(
-        [
-            "" if cell is None
-            else cell.isoformat() if isinstance(cell, (date, datetime))
-            else str(cell).replace(",", ".") if _is_decimal_comma(cell)
-            else str(cell)
-            for cell in cells
-        ]
-    )  # fmt: skip
+    texts = [
+        "" if cell is None
+        else cell.isoformat() if isinstance(cell, (date, datetime))
+        else str(cell).replace(",", ".") if _is_decimal_comma(cell)
+        else str(cell)
+        for cell in cells
+    ]  # fmt: skip
+    return as_column(texts, comma=False)
 
 
 def _is_decimal_comma(cell: Any) -> bool:

@@ -19,6 +19,8 @@ SAMPLE_LINES = 200
 MOSTLY = 0.9
 _EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
 _NUMBER = re.compile(r"[+-]?(\d+[.]?\d*|[.]\d+)([eEdD][+-]?\d+)?|[+-]?inf(inity)?", re.ASCII)
+_DECIMAL = re.compile(r"[+-]?\d*,\d+([eEdD][+-]?\d+)?", re.ASCII)
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+([.]\d*)?", re.ASCII)
 
 Line = tuple[int, str]
 
@@ -52,7 +54,7 @@ def read_text(path: Path, data: bytes) -> tuple[list[Table], list[str]]:
     _refuse_ragged(path, len(names), body)
     numbers = [number for number, _ in body]
     columns = {
-        name: _column([cells[i] for _, cells in body], comma) for i, name in enumerate(names)
+        name: as_column([cells[i] for _, cells in body], comma) for i, name in enumerate(names)
     }
     kept = {name: values for name, values in columns.items() if not _is_blank(name, values)}
     table = Table(
@@ -68,13 +70,13 @@ def read_text(path: Path, data: bytes) -> tuple[list[Table], list[str]]:
 
 
 def once_each(names: list[str]) -> list[str]:
-    """Return the names, a repeated one with a number behind it.
+    """Return the names, repeated ones with a number behind each.
 
     >>> once_each(["t", "F", "F"])
-    ['t', 'F', 'F.1']
+    ['t', 'F.1', 'F.2']
     """
     return [
-        f"{name}.{names[:i].count(name)}" if name in names[:i] else name
+        f"{name}.{names[: i + 1].count(name)}" if names.count(name) > 1 else name
         for i, name in enumerate(names)
     ]
 
@@ -225,9 +227,9 @@ def _refuse_ragged(path: Path, width: int, body: list[tuple[int, list[str]]]) ->
             )
 
 
-def _column(cells: list[str], comma: bool) -> np.ndarray:
-    if comma:
-        cells = [cell.replace(",", ".") for cell in cells]
+def as_column(cells: list[str], comma: bool) -> np.ndarray:
+    """Return cells as numbers where all are numbers or empty, else as text."""
+    cells = [cell.replace(",", ".") for cell in cells] if comma else _with_points(cells)
     try:
         return np.array(cells, dtype=float)
     except ValueError:
@@ -236,6 +238,20 @@ def _column(cells: list[str], comma: bool) -> np.ndarray:
         texts = ("nan" if c.lower() in _EMPTY else re.sub("[dD]", "e", c) for c in cells)
         return np.array([float(text) for text in texts])
     return np.array(cells)
+
+
+def _with_points(cells: list[str]) -> list[str]:
+    """Return quoted cells without commas, where these are decimal or group digits in all of them.
+
+    >>> _with_points(["0,5", "12"]), _with_points(["1,250.5", "3.0"]), _with_points(["1,250", "2"])
+    (['0.5', '12'], ['1250.5', '3.0'], ['1,250', '2'])
+    """
+    commas = [cell for cell in cells if "," in cell]
+    decimal = all(map(_DECIMAL.fullmatch, commas)) and not any("." in cell for cell in cells)
+    grouped = all(map(_GROUPED.fullmatch, commas))
+    if not commas or decimal == grouped:
+        return cells
+    return [cell.replace(",", "." if decimal else "") for cell in cells]
 
 
 def _is_blank(name: str, values: np.ndarray) -> bool:

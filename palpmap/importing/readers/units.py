@@ -37,6 +37,9 @@ _IN_HEADER = (
     re.compile(r"^(?P<name>.+)_(?P<unit>[^\W_]+)$"),
 )
 
+_UNKNOWN_IN_HEADER = re.compile(r"[\[({<]\s*([^\W\d]{2,}|V)\s*[\])}>]$|\s/\s([^\W\d]+)$|_(m?V)$")
+"""In brackets, behind a slash, or volts: one letter in brackets is an axis."""
+
 
 def spelled(text: str) -> str | None:
     """Return a unit's usual name, None where the text is no known unit.
@@ -63,6 +66,19 @@ def name_and_unit(header: str) -> tuple[str, str]:
             if unit is not None:
                 return match["name"].strip(), unit
     return header.strip(), ""
+
+
+def unknown_unit(header: str) -> str:
+    """Return the unit that a header states, where it is none of the known ones, else "".
+
+    >>> unknown_unit("Travel[mil]"), unknown_unit("force_V"), unknown_unit("Fz [N]")
+    ('mil', 'V', '')
+    >>> unknown_unit("pos[0]"), unknown_unit("force (x)"), unknown_unit("force_raw")
+    ('', '', '')
+    """
+    match = _UNKNOWN_IN_HEADER.search(header.strip())
+    unit = next(filter(None, match.groups())) if match else ""
+    return "" if spelled(unit) else unit
 
 
 def factor(unit: str, dimension: str, key: str) -> float:

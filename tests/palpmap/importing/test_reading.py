@@ -3,6 +3,7 @@
 import pickle
 
 import numpy as np
+import openpyxl
 import pytest
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
@@ -96,6 +97,38 @@ def test_a_wrong_name_is_answered_with_the_nearest_right_one(tmp_path):
     assert "the recording has no 'force_x'; the nearest right name is 'force_z'" in str(
         caught.value
     )
+
+
+def test_a_name_that_stands_twice_is_asked_for_by_its_number(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,F,F\n1,2.5,5.0\n2,2.6,5.2\n3,2.7,5.4\n")
+    recording = read_recording([path])
+    with pytest.raises(InputError, match=r"'F' stands 2 times .* as 'F\.1', 'F\.2'"):
+        recording.channel("F", "force.column")
+    assert recording.channel("F.2", "force.column").values.tolist() == [5.0, 5.2, 5.4]
+
+
+def test_quoted_commas_are_read_where_one_meaning_fits_the_column(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(
+        't,F,d,u\n1,"0,25","673.2","1,250"\n2,"12","1,417.1","1,300"\n3,"3,5","9","1"\n'
+    )
+    recording = read_recording([path])
+    assert recording.channel("F", "force.column").numbers().tolist() == [0.25, 12.0, 3.5]
+    assert recording.channel("d", "travel.column").numbers().tolist() == [673.2, 1417.1, 9.0]
+    with pytest.raises(InputError, match=r"line 2, u: found '1,250', .* comma as a point"):
+        recording.channel("u", "travel.column").numbers()
+
+
+def test_text_cells_of_a_sheet_are_numbers_where_all_are(tmp_path):
+    book = openpyxl.Workbook()
+    assert book.active is not None
+    for row in (["t", "F"], [1, "0,25"], [2, 0.5], [3, "0,75"]):
+        book.active.append(row)
+    book.save(tmp_path / "run.xlsx")
+    channel = read_recording([tmp_path / "run.xlsx"]).channel("F", "force.column")
+    assert channel.is_number
+    assert channel.values.tolist() == [0.25, 0.5, 0.75]
 
 
 def test_units_are_read_from_headers_and_from_a_row_below(tmp_path):

@@ -13,11 +13,11 @@ from palpmap.progress import read_stages
 
 
 def run_propose(files: Sequence[Path], output: Output) -> None:
-    """Print a mapping for a recording."""
+    """Print a mapping for a recording, quiet or not: it is the result."""
     text = _proposed(files, output)
     if output.json:
         output.result({"schema": 1, "rig": text})
-    elif not output.quiet:
+    else:
         sys.stdout.write(text)
 
 

@@ -10,10 +10,17 @@ import numpy as np
 from models import PHASES, InputError
 from palpmap.importing.readers.bag import RECEIVED, STAMP
 from palpmap.importing.readers.recording import PART, Channel, Recording, Table
-from palpmap.importing.readers.units import DIMENSIONS, FORCE, LENGTH, TIME, name_and_unit
+from palpmap.importing.readers.units import (
+    DIMENSIONS,
+    FORCE,
+    LENGTH,
+    TIME,
+    name_and_unit,
+    unknown_unit,
+)
 
 NAMES = {
-    "time": r"^(t|time|zeit|timestamp|stamp|clock|when|sec|seconds|date.*)$",
+    "time": r"^(t|time|zeit|timestamp|stamp|clock|when|sec|seconds|dat(e|um).*|uhrzeit)$",
     "force": r"force|kraft|wrench|load.?cell|^f_?[xyzn]?$|^f[xyz]\b|^ft[_ ]|f_ext",
     "travel": r"travel|displac|depth|indent|weg|eindring|stroke|extension|crosshead|^d$|height",
     "point": r"contact|point|place|touch|tip|tcp|^p?_?[xyz]$|^pos|position|^[xyz]\b",
@@ -93,6 +100,20 @@ def is_force(channel: Channel) -> bool:
     return channel.unit in FORCE or (not channel.unit and matches(channel, "force"))
 
 
+def refuse_hidden(recording: Recording) -> None:
+    """Refuse a column of forces or lengths that is text by some of its cells.
+
+    Raises
+    ------
+    InputError
+        Naming the first such cell.
+    """
+    for c in recording.channels:
+        looks = is_force(c) or matches(c, "travel") or c.unit in LENGTH
+        if looks and not c.is_number and c.reads_as_numbers:
+            c.numbers(empty=True)
+
+
 def find_travel(recording: Recording, force: tuple[Channel, ...]) -> Channel | None:
     """Return the travel of the tip, None where no column looks like it."""
     fits = [
@@ -148,13 +169,15 @@ def unit_of(channels: Sequence[Channel], dimension: str) -> tuple[str, str]:
     unit = channels[0].unit
     if unit in DIMENSIONS[dimension]:
         return unit, "as the recording says"
+    stated, known = unknown_unit(column_of(channels[0])), ", ".join(DIMENSIONS[dimension])
+    lacking = f"the unit '{stated}' is none of {known}" if stated else "no unit stated"
     largest = float(max(np.nanmax(np.abs(channel.values)) for channel in channels))
     if dimension == "force":
         unit = "N" if largest < 100 else "mN" if largest > 1000 else "g"
-        return unit, f"no unit stated; values up to {largest:.3g} look like {unit}: check it"
+        return unit, f"{lacking}; values up to {largest:.3g} look like {unit}: check it"
     limit = 0.06 if len(channels) == 1 else 3.0
     unit = "m" if largest < limit else "mm"
-    return unit, f"no unit stated; values up to {largest:.3g} look like {unit}: check it"
+    return unit, f"{lacking}; values up to {largest:.3g} look like {unit}: check it"
 
 
 def is_phase(channel: Channel) -> bool:

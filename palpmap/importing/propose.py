@@ -21,6 +21,7 @@ from palpmap.importing.look import (
     is_phase,
     is_unit,
     matches,
+    refuse_hidden,
     time_unit,
     unit_of,
 )
@@ -59,6 +60,7 @@ def propose_rig(recording: Recording) -> str:
     InputError
         If no column can be the force.
     """
+    refuse_hidden(recording)
     force = find_force(recording)
     table = force[0].table
     press = first_fitting(recording, "press", counts_presses)
@@ -73,6 +75,9 @@ def propose_rig(recording: Recording) -> str:
             f"'{press.name}' numbers the presses" if readings and press else
             "each file is a course from free to contact: its press will be cut from it"
             if press and travel else
+            f"'{press.name}' numbers the presses, but no column looks like travel: if the rows are "
+            "readings, name it under [travel]"
+            if press else
             "no column numbers the presses: they will be cut from the stream",
         ),
     ]  # fmt: skip
@@ -83,6 +88,8 @@ def propose_rig(recording: Recording) -> str:
                   "row"), Line(f'unit = "{unit}"', why)]  # fmt: skip
         if PART in table.columns and np.any(np.diff(clock.numbers()) < 0):
             lines.append(Line("# pause_s =", "the clock starts anew in each part: the rest in s"))
+    else:
+        lines += _unread_clocks(recording, table)
     lines += _readings(recording, force, travel, press) if readings else _stream(recording, force)
     lines += [
         Line("\n[probe]"),
@@ -110,6 +117,18 @@ def _quoted(channels: Sequence[Channel]) -> str:
 
 def _short(clock: Channel, table: Table) -> str:
     return next(name for name, values in table.columns.items() if values is clock.values)
+
+
+def _unread_clocks(recording: Recording, table: Table) -> list[Line]:
+    lines = []
+    for channel in recording.channels:
+        if channel.table is table and matches(channel, "time"):
+            try:
+                channel.numbers(empty=True)
+            except InputError as error:
+                lines.append(Line("\n# [time]", f"not read: {error}; seconds, or dates such as "
+                                  "2026-03-01 10:00:00.125, are read"))  # fmt: skip
+    return lines
 
 
 def _readings(

@@ -167,6 +167,12 @@ def test_a_wrong_sign_and_a_wrong_height_are_said(bag, tmp_path):
     assert "body.origin_m" in said
 
 
+def test_a_quiet_proposal_is_printed(scan, tmp_path):
+    assert (
+        'kind = "readings"' in run(*csv_german(scan, tmp_path).files, "--propose", "--quiet").stdout
+    )
+
+
 def test_propose_goes_alone_and_something_must_be_asked_for(tmp_path):
     assert run("x.csv", "--propose", "--out", tmp_path, code=2)
     assert run("x.csv", code=2)

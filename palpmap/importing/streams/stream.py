@@ -130,14 +130,16 @@ def ordered(
 
     `may_rest` : of a pose, which repeats a value where the tip stands still
     """
+    arrived = np.diff(np.sort(time))  # also of rows that are left out below: these are not missing
     whole = np.all(np.isfinite(values), axis=1)
     if empty := int(np.sum(~whole)):
         if empty > MOST_EMPTY * len(whole):
             raise InputError(
-                f"{name}: found empty cells in {empty} of {len(whole)} rows, expected numbers; "
-                "check the columns"
+                f"{name}: found cells that are empty or no finite number in {empty} of "
+                f"{len(whole)} rows, expected numbers; check the columns"
             )
-        said.append(f"{name}: {empty} rows with empty cells were left out.")
+        rows = "1 row was" if empty == 1 else f"{empty} rows were"
+        said.append(f"{name}: {rows} left out, with a cell that is empty or no finite number.")
         time, values = time[whole], values[whole]
     late = int(np.sum(np.diff(time) < 0))
     if late:
@@ -161,9 +163,9 @@ def ordered(
     steps = np.diff(time)
     step = float(np.median(steps))
     long = np.flatnonzero(steps > GAP_STEPS * step)
-    missing = int(np.sum(np.round(steps[steps > 1.5 * step] / step) - 1))
+    missing = int(np.sum(np.round(arrived[arrived > 1.5 * step] / step) - 1))
     if missing:
-        longest = 1e3 * float(steps.max())
+        longest = 1e3 * float(arrived.max())
         said.append(
             f"{name}: about {missing} of {missing + len(time)} messages are missing, the longest "
             f"gap is {longest:.0f} ms."

@@ -13,7 +13,7 @@ from palpmap.importing.streams.clocks import rough_offsets
 from palpmap.importing.streams.cutting import cut_stream
 from palpmap.importing.streams.lag import WITHIN_2_MS, find_lag
 from palpmap.importing.streams.path import smooth_path
-from palpmap.importing.streams.stream import Stream, without_jumps
+from palpmap.importing.streams.stream import Stream, ordered, without_jumps
 from tests.long import long
 from tests.palpmap.importing.raw_streams import RIG, outcome
 
@@ -106,6 +106,16 @@ def of_a_stage(hz: float, stairs_mm: float = 0.0, noise_n: float = 0.003) -> Rec
         begin += 13.0
     names = ("t_s", "x_mm", "y_mm", "z_mm", "force_n")
     return Recording.of([Table("log", dict(zip(names, np.hstack(rows), strict=True)), {}, str)])
+
+
+def test_rows_without_a_number_are_counted_once():
+    values = np.arange(200.0)[:, None]
+    values[[20, 50, 120], 0] = np.nan, np.inf, np.nan
+    time, said = np.delete(np.arange(200.0), 80), []
+    stream = ordered(time, np.delete(values, 80, axis=0), "force", said)
+    assert len(stream.time_s) == 196
+    assert said[0] == "force: 3 rows were left out, with a cell that is empty or no finite number."
+    assert "about 1 of 197 messages are missing" in said[1]
 
 
 @pytest.mark.parametrize(("hz", "stairs_mm"), [(5, 0.0), (10, 0.0), (100, 0.0), (50, 0.2)])

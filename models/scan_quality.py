@@ -12,6 +12,7 @@ import numpy as np
 from models.errors import InputError
 from models.scan import Scan
 from models.scan_readings import bad_readings, presses_of
+from models.scan_units import too_slow, too_stiff
 
 NO_FORCE = 0.05  # of the largest force: below it the tip is taken to be free
 LITTLE_FORCE = 0.3  # of a typical press's largest: only below it can a rise be none
@@ -24,7 +25,8 @@ CLIPPED_ROWS = 3
 CLIPPED_TRAVEL = 0.1  # of the largest travel, made while the force reads its largest value
 COLLAPSE = 0.1  # of the force before it
 LISTED = 5
-OUTLYING = ("clipped", "no_contact", "collapsed", "repeated_press")  # presses to be left out
+OUTLYING = ("clipped", "no_contact", "collapsed", "repeated_press", "force_unit")
+"""Kinds of doubt whose presses are to be left out."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,8 @@ class Doubt:
 
     Attributes
     ----------
-    kind : bad_reading, free_travel, clipped, no_contact, collapsed, missing_phase, repeated_press
+    kind : bad_reading, free_travel, clipped, no_contact, collapsed, missing_phase, repeated_press,
+        force_unit, time_unit
     presses : ids of the presses
     rows : rows (0-based) of the table, where single readings are meant
     sentence : the finding, its place, and the cure
@@ -74,7 +77,8 @@ def scan_findings(scan: Scan) -> list[Doubt]:
         presses = [press for press in test(others) if press not in bad]
         if presses:
             found.append(Doubt(kind, tuple(presses), (), f"{_named(presses, used)}: {words}."))
-    return found + _free_travel(others) + _missing_phases(used) + _repeated(used)
+    found += _free_travel(others) + _missing_phases(used) + _repeated(used)
+    return found + _other_units(others)
 
 
 def without_outliers(scan: Scan) -> tuple[Scan, tuple[str, ...]]:
@@ -268,3 +272,22 @@ def _repeated(scan: Scan) -> list[Doubt]:
         "is: keep each press once."
     )
     return [Doubt("repeated_press", presses, (), sentence)]
+
+
+def _other_units(scan: Scan) -> list[Doubt]:
+    found = []
+    if stiff := too_stiff(scan):
+        times = float(np.median(list(stiff.values())))
+        sentence = (
+            f"{_named(list(stiff), scan)}: forces about {times:.0f} times those of the others at "
+            "the same travel, as no soft body shows; if these are millinewtons divide by 1000, "
+            "else leave the presses out."
+        )
+        found.append(Doubt("force_unit", tuple(stiff), (), sentence))
+    if slow := too_slow(scan):
+        sentence = (
+            f"A press lasts {slow[0]:.4g} s, its readings {slow[1]:.4g} s apart, by time_s: if "
+            "these are milliseconds divide by 1000."
+        )
+        found.append(Doubt("time_unit", (), (), sentence))
+    return found

@@ -226,6 +226,18 @@ def test_a_press_without_any_force_met_no_body_however_few_its_readings():
     assert 5 not in touching(few.replace(force_n=force)).press
 
 
+def test_a_press_in_millinewtons_and_times_in_milliseconds_are_said():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    other = scan.press == 7
+    force = np.where(other, 1000 * scan.force_n, scan.force_n)
+    (found,) = scan_findings(scan.replace(force_n=force))
+    assert (found.kind, found.presses, found.leaves_out) == ("force_unit", (7,), True)
+    assert "Press 7 (1 of 81): forces about" in found.sentence
+    (found,) = scan_findings(scan.replace(time_s=1000 * scan.time_s))
+    assert (found.kind, found.leaves_out) == ("time_unit", False)
+    assert "if these are milliseconds divide by 1000" in found.sentence
+
+
 def test_a_press_without_a_phase_that_the_others_have_is_said():
     scan = read_scan(LAB / "case_a" / "scan.csv")
     cut = scan.rows(~((scan.press == 4) & (scan.phase == "unload")))

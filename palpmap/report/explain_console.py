@@ -9,7 +9,7 @@ from palpmap import units
 from palpmap.console import plain
 from palpmap.report.draw import console
 from palpmap.result.doubts import (
-    assumed_thickness,
+    assumptions,
     bound_notes,
     counting_notes,
     form_notes,
@@ -76,7 +76,7 @@ def explain_summary(
     final = explained.final.fit
     of_field = map(console, field_tables(final, problem.experiment.origin_m, problem.scan))
     cautions = [unended_fit(explained), *bound_notes(record), *stated_lengths(record),
-                unseen_inclusions(record), *assumed_thickness(explained, problem),
+                unseen_inclusions(record), *assumptions(explained, problem),
                 *outlier_notes(record)]  # fmt: skip
     return (
         Text(verdict, style=f"bold {style}"),

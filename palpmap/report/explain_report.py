@@ -73,7 +73,7 @@ def write_explain_report(
         headline=words.headline(explained),
         following=following,
         detail=words.verdict_detail(explained, record.other_map),
-        doubts=[*doubts.doubts(record, explained), *doubts.assumed_thickness(explained, problem)],
+        doubts=[*doubts.doubts(record, explained), *doubts.assumptions(explained, problem)],
         presses_alone=presses_sentences(record),
         steps=[_step(explained, problem, number) for number in words.steps_of(explained)],
         unreliable=words.unreliable(record),

@@ -10,6 +10,7 @@ from identify.select import Explanation
 from palpmap import units
 from palpmap.result.misfit_words import listed
 from palpmap.result.records import CandidateRecord, ExplainRecord, FormRecord, LimitRecord
+from palpmap.study.contact_body import assumed_margin_m
 from palpmap.study.open_study import Problem
 
 _NAMED = 3  # effects with the largest unseen shifts
@@ -228,7 +229,12 @@ def stated_lengths(record: ExplainRecord) -> list[str]:
     ]
 
 
-def assumed_thickness(explained: Explanation, problem: Problem) -> list[str]:
+def assumptions(explained: Explanation, problem: Problem) -> list[str]:
+    """Return sentences on assumed lengths, of which others would look like an effect."""
+    return [*_thickness(explained, problem), *_sides(explained, problem)]
+
+
+def _thickness(explained: Explanation, problem: Problem) -> list[str]:
     """Return a sentence where a body thinner than assumed would harden as its material does."""
     fit = explained.final.fit
     if not problem.study.body.thickness_assumed or "strain_stiffening" not in fit.effect_names:
@@ -237,6 +243,18 @@ def assumed_thickness(explained: Explanation, problem: Problem) -> list[str]:
     return [
         f"The thickness is assumed: a body thinner than {least} hardens by its geometry, which "
         "looks like strain_stiffening. Measure it first."
+    ]
+
+
+def _sides(explained: Explanation, problem: Problem) -> list[str]:
+    """Return a sentence where a cause was found, or is missing, beside sides that were assumed."""
+    margin_m = assumed_margin_m(problem.study.body)
+    if margin_m is None or explained.fitted_verdict == "nothing_missing":
+        return []
+    return [
+        f"The body's sides are assumed {length(margin_m)} beyond the outermost presses: nearer "
+        "ones bend the curves of these presses, which looks like effects of contact and place. "
+        "Where they are nearer, state body.margin_m and explain again."
     ]
 
 

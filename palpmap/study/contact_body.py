@@ -87,9 +87,9 @@ def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> 
         f"surface smoothed over {1e3 * made.smoothed_m:.2g} mm, up to {shift:.2g} mm off, "
         "and pressed along its normals; body.cell_size_m sets that.",
     ]
-    if body.margin_m is None:
+    if margin_m := assumed_margin_m(body):
         notes.append(
-            f"Beyond the probed area the body goes on for {1e3 * MARGIN * made.size_m[2]:.3g} mm "
+            f"Beyond the probed area the body goes on for {1e3 * margin_m:.3g} mm "
             "(body.margin_m), as the scan does not know its sides. State body.margin_m where they "
             "are nearer: a press at a free side is felt up to twice as soft."
         )
@@ -126,8 +126,15 @@ def contact_body(body: Body) -> ContactBody:
             "make the body's surface; check body.file"
         ) from error
     assert body.thickness_m is not None  # the study's own rule for this shape
-    margin_m = MARGIN * body.thickness_m if body.margin_m is None else body.margin_m
+    margin_m = assumed_margin_m(body) or body.margin_m or 0.0
     return _made(file, stamp, body.thickness_m, margin_m, body.cell_size_m)
+
+
+def assumed_margin_m(body: Body) -> float | None:
+    """Return the margin beyond the outermost contacts of a body whose study states none, m."""
+    if body.thickness_m is None or body.margin_m is not None:
+        return None
+    return MARGIN * body.thickness_m
 
 
 @lru_cache(maxsize=8)

@@ -4,6 +4,8 @@ import json
 import re
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from palpmap.__main__ import app
 from palpmap.api import fit
 from palpmap.commands.check import check_study
 from palpmap.experiment import read_study
+from palpmap.result.doubts import assumptions
 from palpmap.result.outline import study_outline
 from palpmap.study.body_model import _between
 from palpmap.study.contact_body import contact_body
@@ -95,6 +98,17 @@ def test_a_stated_margin_moves_the_sides(tmp_path):
     body = contact_body(load_study(json.loads(written)["study"]).body)
     assert body.margin_m == pytest.approx(0.007)
     assert "State body.margin_m where they" not in written
+    assumed = tmp_path / "assumed"
+    assumed.mkdir()
+    free = json.loads(new(assumed, dome_scan(), "--thickness", str(THICK)))["study"]
+    for study, verdict, said in (
+        (free, "explained", True), (free, "nothing_missing", False),
+        (json.loads(written)["study"], "explained", False),
+    ):  # fmt: skip
+        final = SimpleNamespace(fit=SimpleNamespace(effect_names=()))
+        explained: Any = SimpleNamespace(fitted_verdict=verdict, final=final)
+        problem: Any = SimpleNamespace(study=load_study(study))
+        assert ("state body.margin_m" in " ".join(assumptions(explained, problem))) is said
     bad = CliRunner().invoke(app, ["new", "s.csv", "--margin", "0.01", "--out", "s"])
     assert (bad.exit_code, "--margin belongs to" in bad.output) == (2, True)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from models import PHASES, InputError, Scan, nearest
@@ -33,7 +35,6 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     assert rig.press.number
     assert rig.travel
     assert rig.point
-    assert rig.probe
     press = column((rig.press.number,), "", "", "press.number")[:, 0]
     direction = _directions(rig, m, column)
     said = []
@@ -42,11 +43,7 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     travel = rig.travel.sign * travel[:, 0]
     points = column(rig.point.columns, rig.point.unit, "length", "point.columns")
     points = rotated(rig, points, place=True)
-    if rig.radius:
-        stated = column((rig.radius.column,), rig.radius.unit, "length", "radius.column")
-        radius = rig.radius.sign * stated[:, 0]
-    else:
-        radius = np.full(m, rig.probe.radius_m)
+    radius = _radii(rig, m, column)
     order = np.argsort(press, kind="stable") if np.any(np.diff(press) < 0) else np.arange(m)
     if np.any(np.diff(press) < 0):
         said.append("The rows were sorted by press.")
@@ -79,6 +76,15 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     _refuse_wrong_sign(used.press, used.force_n, rig.force.sign, "force")
     _refuse_wrong_sign(used.press, used.displacement_m, rig.travel.sign, "travel")
     return scan, said
+
+
+def _radii(rig: Rig, m: int, column: Callable[..., np.ndarray]) -> np.ndarray:
+    """Return the tip's radius at each of m readings, m."""
+    if rig.radius:
+        stated = column((rig.radius.column,), rig.radius.unit, "length", "radius.column")
+        return rig.radius.sign * stated[:, 0]
+    assert rig.probe
+    return np.full(m, rig.probe.radius_m)
 
 
 def phases(press: np.ndarray, travel: np.ndarray, force: np.ndarray) -> np.ndarray:

@@ -112,6 +112,15 @@ def test_a_shape_that_the_map_absorbs_has_no_size(size, monkeypatch):
     assert score.values["s"] == 1.0
 
 
+def test_noise_is_drawn_once_for_searches_of_as_many_readings():
+    noise = NullNoise(4)
+    first = noise.batches(30, 1000)
+    assert sum(batch.shape[1] for batch in first) == 1000
+    assert noise.batches(30, 1000) is first
+    assert all(batch.shape[0] == 40 for batch in noise.batches(40, 1000))
+    assert_allclose(noise.batches(30, 1000), first, rtol=0, atol=0)  # of the seed alone
+
+
 class CoarseBreath(Breathing):
     """A breath whose grid misses the planted one, and that knows where to look further."""
 

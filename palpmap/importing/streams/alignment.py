@@ -14,6 +14,7 @@ from palpmap.importing.readers.recording import PART, Recording
 from palpmap.importing.streams.clocks import rough_offsets, share_clock
 from palpmap.importing.streams.contact import Contact, SpoiltPress
 from palpmap.importing.streams.lag import Lag, find_lag
+from palpmap.importing.streams.limit import limited_spans, without_spans
 from palpmap.importing.streams.path import smooth_path
 from palpmap.importing.streams.press import Window, rough_contact, window_of
 from palpmap.importing.streams.spans import Way, check_way, way_along
@@ -51,6 +52,7 @@ class Aligned:
     lag_error_s : its standard deviation; 0 where it is stated
     offset_s : rough offset of the clocks
     jumps_s : times at which the sensor was set to zero anew, s
+    limits_s : begin and end of each stretch at the sensor's limit, which the force is without, s
     """
 
     sensor: Stream
@@ -65,6 +67,7 @@ class Aligned:
     lag_error_s: float
     offset_s: float
     jumps_s: list[float]
+    limits_s: list[tuple[float, float]]
 
 
 def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
@@ -78,7 +81,7 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     assert rig.pose  # `Rig.needed` asks
     if rig.parts:
         return _of_parts(recording, rig, said)
-    force = read_force(recording, rig, said)
+    read = force = read_force(recording, rig, said)
     pose = read_pose(recording, rig, rig.pose, said)
     force, jumps = without_jumps(force, pose if share_clock(force, pose) else None)
     said += [
@@ -91,7 +94,7 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     pose, offset = pose.later(way.offset_s), offset + way.offset_s
     mean_direction, spans = way.direction, way.spans
     stated = _stated_directions(recording, rig, pose, offset)
-    lag, unweighed, words = None, force, []
+    lag, unweighed, words, limits = None, force, [], []
     turns = rig.force.frame == "tip" and force.values.shape[1] == 3
     for k in range(MOST_ROUNDS):  # where the contact begins depends on the lag, and it on that
         windows, contacts = _touching(force, pose, spans, mean_direction, stated)
@@ -102,6 +105,11 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
             force = without_weight(unweighed, pose, windows, contacts, words)
             if k == 0:  # until then a weight that turns looks like contact
                 windows, contacts = _touching(force, pose, spans, mean_direction, stated)
+        if k == 0 and (limits := limited_spans(read, windows, contacts, rig.force.named[0], said)):
+            sensor, unweighed, force = (
+                without_spans(stream, limits) for stream in (sensor, unweighed, force)
+            )
+            windows, contacts = _touching(force, pose, spans, mean_direction, stated)
         if rig.pose.clock_offset_s is not None:
             break
         more = _lag_of(windows, contacts, pose, mean_direction)
@@ -129,15 +137,15 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     path = smooth_path(pose)
     return Aligned(
         sensor, unweighed, force, path, noise, mean_direction, spans, stated, lag, lag_error_s,
-        offset, [time for time, _ in jumps],
+        offset, [time for time, _ in jumps], limits,
     )  # fmt: skip
 
 
 def _of_parts(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     """Presses in files of their own: each file is a span, and force and travel have one clock."""
     assert rig.pose
-    force, pose = read_force(recording, rig, []), read_pose(recording, rig, rig.pose, [])
-    force, _ = without_jumps(_in_base(force, pose, rig), pose)
+    read, pose = read_force(recording, rig, []), read_pose(recording, rig, rig.pose, [])
+    force, _ = without_jumps(_in_base(read, pose, rig), pose)
     _, table = numbers(recording, rig.pose.columns, "m", "length", "pose.columns", True)
     time = seconds(recording, table, rig.time, "time")
     assert time is not None  # the force has been read by it
@@ -148,8 +156,13 @@ def _of_parts(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
     said.append(f"Each of the {len(spans)} files is one press, at the place that the mapping says.")
     stated = _stated_directions(recording, rig, pose, 0.0)
     assert isinstance(stated, np.ndarray)  # the mapping's own rule for parts
+    touching = _touching(force, pose, spans, stated, stated)
+    limits = limited_spans(read, *touching, rig.force.named[0], said)
+    force = without_spans(force, limits)
     noise = float(noise_of_moving(pose.values[:, :3]).max())
-    return Aligned(force, force, force, pose, noise, stated, spans, stated, None, 0.0, 0.0, [])
+    return Aligned(
+        force, force, force, pose, noise, stated, spans, stated, None, 0.0, 0.0, [], limits
+    )
 
 
 def force_with_depth(recording: Recording, rig: Rig) -> float:

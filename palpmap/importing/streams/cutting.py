@@ -117,7 +117,7 @@ def _cut_all(streams: Aligned, rig: Rig) -> tuple[list[CutPress], list[tuple[flo
     for span in streams.spans:
         window = window_of(force, pose, span, mean_direction, streams.stated)
         try:
-            press = window and cut_press(window, rig.rows, force.gaps, pose.gaps)
+            press = window and cut_press(window, rig.rows, force.gaps, pose.gaps, streams.limits_s)
         except SpoiltPress as reason:
             left_out.append((_deepest(span, pose, mean_direction), str(reason)))
             continue

@@ -59,7 +59,7 @@ class Lag:
         """Why the lag is not known to 2 ms, and what helps; empty if 99 of 100 such are."""
         if not self.has_corners:
             return (
-                "not known to 2 ms, as the tip starts and stops softly and viscosity looks like a "
+                "not known to 2 ms, as no sharp start or stop is felt and viscosity looks like a "
                 "lag then: let the tip stop sharply, or state pose.clock_offset_s"
             )
         if self.error_s > WITHIN_2_MS:
@@ -110,7 +110,7 @@ def find_lag(
         return None
     if abs(grown) < max(5 * grown_error, 1e-3):
         grown = 0.0
-    sharpness, ramp_s = np.median([_motion(tp, x) for _, _, tp, x in chosen], axis=0)
+    sharpness, ramp_s = np.median([_motion(tp, x, tf) for tf, _, tp, x in chosen], axis=0)
     # Of a fast press, the mean of the force is not that at the mean travel, as its law is bent
     bent_s = MEAN_S**2 / (24 * ramp_s) if ramp_s < FAST * MEAN_S else 0.0
     law_s = np.hypot(np.interp(sharpness, SHARPNESS, LAW_S), bent_s)
@@ -124,12 +124,17 @@ def find_lag(
     )
 
 
-def _motion(time: np.ndarray, travel: np.ndarray) -> tuple[float, float]:
-    """Largest change of speed within twice `CORNER_S`, by the largest speed; time of a way, s."""
+def _motion(time: np.ndarray, travel: np.ndarray, felt: np.ndarray) -> tuple[float, float]:
+    """Largest change of speed within twice `CORNER_S`, by the largest speed; time of a way, s.
+
+    `felt` : times of the force; a corner without any tells no lag
+    """
     speed = np.gradient(smooth(travel, time, CORNER_SMOOTHED_S), time)
     apart = max(1, round(CORNER_S / float(np.median(np.diff(time)))))
     inside = travel > CORNER_SHARE * travel.max()
     inside[: 2 * apart] = inside[-2 * apart :] = False
+    for k in np.flatnonzero(np.diff(felt) > 2 * CORNER_S):
+        inside &= (time < felt[k]) | (time > felt[k + 1])
     fastest = float(np.quantile(np.abs(speed), 0.95))
     way_s = float(travel.max()) / fastest
     if not inside.any():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from palpmap.importing.mapping.rig import Rows
 from palpmap.importing.streams.clocks import smooth
 from palpmap.importing.streams.contact import (
+    FEWEST_FREE,
     TOUCH_SHARE,
     Contact,
     SpoiltPress,
@@ -121,13 +123,18 @@ def window_of(
 
 
 def cut_press(
-    window: Window, rows: Rows, force_gaps: np.ndarray, pose_gaps: np.ndarray
+    window: Window,
+    rows: Rows,
+    force_gaps: np.ndarray,
+    pose_gaps: np.ndarray,
+    limits_s: Sequence[tuple[float, float]] = (),
 ) -> CutPress | None:
     """Tare the force, find the first touch and the hold, and take the rows; None without contact.
 
     Parameters
     ----------
     force_gaps, pose_gaps : (g, 2) begin and end of pauses in the messages, s
+    limits_s : begin and end of each stretch at the sensor's limit, which the window is without, s
 
     Raises
     ------
@@ -164,8 +171,13 @@ def cut_press(
     above = np.flatnonzero(even_depth[: way_in.stop] < touch)
     first = int(above[-1]) + 1 if len(above) else contact.touch
     # A viscous body stays behind: the tip leaves it before it is back where it touched
-    touched = slice(first, felt_until + 1)
-    held = _hold(time[touched], depth[touched] - touch, contact.returns)
+    # Nor does a scan know how deep the tip went on beyond the sensor's limit
+    ends = [start for start, _ in limits_s if time[first] < start < time[felt_until]]
+    stop = int(np.searchsorted(time, min(ends))) if ends else felt_until + 1
+    if stop - first < FEWEST_FREE:
+        raise SpoiltPress("the sensor reaches its limit almost at the touch")
+    touched = slice(first, stop)
+    held = _hold(time[touched], depth[touched] - touch, contact.returns and not ends)
     loading = slice(first, first + held.start)
     beside = window.position_m[loading] - np.outer(depth[loading], window.direction)
     columns = np.column_stack([time, force, depth - touch])[touched]

@@ -179,7 +179,8 @@ def _frozen(time: np.ndarray, values: np.ndarray, may_rest: bool) -> np.ndarray:
 
     Where neighbours are often equal, the readings are coarse and nothing is left out. A tip that
     stood still begins to move at the end of the run, or goes one step and stands still again; a
-    frozen pose jumps over the missed motion, and moves on. A step over a pause tells nothing.
+    frozen pose jumps over the missed motion, and moves on. A step over a pause tells nothing. A
+    single column at its highest or lowest value is at the sensor's limit, and not frozen.
     """
     steps = np.diff(time)
     paused = steps > GAP_STEPS * np.median(steps)
@@ -187,12 +188,13 @@ def _frozen(time: np.ndarray, values: np.ndarray, may_rest: bool) -> np.ndarray:
     same = np.append(False, np.all(values[1:] == values[:-1], axis=1))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
     frozen, resting = np.zeros((2, len(values)), dtype=bool)
+    ends = (values.min(), values.max()) if values.shape[1] == 1 else ()
     for start, end in edges.reshape(-1, 2):
         if end - start < FROZEN_ROWS:
             continue
         jump, after = moved[end - 1 : end].max(initial=0.0), moved[end : end + 3].max(initial=0.0)
         is_step = jump <= JUMP_STEPS * after or not after or paused[end - 1 : end].any()
-        of_rest = may_rest and is_step
+        of_rest = (may_rest and is_step) or values[start] in ends
         (resting if of_rest else frozen)[start:end] = True
     rest = ~(frozen | resting)
     others = np.mean(same[rest]) if rest.any() else 1.0

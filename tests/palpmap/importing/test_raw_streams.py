@@ -220,3 +220,60 @@ def test_a_smoothed_path_loses_noise_and_keeps_its_corners():
     assert np.std(off[:, 2]) < 0.5 * 2e-5
     corner = np.abs(found.time_s - 1.0) < 0.1
     assert np.abs(off[corner, 2]).max() < 6e-5
+
+
+def at_a_limit(recording: Recording, least_n: float, most_n: float, noise_n: float) -> Recording:
+    """Force of a sensor with limits, and noise behind it; none where it is exactly constant."""
+    force = recording.tables[0].columns["force_n"]
+    noise = noise_n * np.random.default_rng(3).standard_normal(len(force))
+    force[:] = np.clip(force, least_n, most_n) + noise
+    return recording
+
+
+@pytest.mark.parametrize("noise_n", [0.0, 0.003])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_sensor_at_its_limit_is_named_and_tells_neither_lag_nor_stiffness(noise_n, sign):
+    recording = of_a_stage(100)
+    recording.tables[0].columns["force_n"] *= sign
+    recording = at_a_limit(recording, -0.18, 0.18, noise_n)
+    rig = STAGE.replace('unit = "N"', f'unit = "N", sign = {sign}')
+    cut = cut_stream(recording, parse_rig(rig, Path("rig.toml")))
+    assert len(cut.presses) == 16
+    (sentence,) = [one for one in cut.said if "limit" in one]
+    assert "in 16 of 16 presses: 'force_n' stays at 0.18 N" in sentence.replace("0.181", "0.18")
+    assert abs(cut.streams.offset_s + cut.streams.lag.lag_s) < 2 * cut.streams.lag_error_s
+    for press in cut.presses:
+        assert set(press.phase) == {"load"}
+        assert press.force_n.max() < 0.181
+        late_n = 125e-3 * cut.streams.lag_error_s * 2 / 5  # of a tip at 1 mm/s
+        off = press.force_n - 125 * press.displacement_m
+        assert abs(off.mean()) < 3 * (0.003 / 6**0.5 + 125 * press.touch_error_m + late_n)
+
+
+def test_one_press_at_the_limit_leaves_the_others_as_they_are():
+    free = of_a_stage(100)
+    free.tables[0].columns["force_n"][:1300] *= 1.5  # the first press, over a hard place
+    recording = at_a_limit(free, -1.0, 0.3, 0.0)
+    cut = cut_stream(recording, parse_rig(STAGE, Path("rig.toml")))
+    assert any("in 1 of 16 presses: 'force_n' stays at 0.3 N" in one for one in cut.said)
+    assert [("hold" in press.phase) for press in cut.presses] == [False] + [True] * 15
+
+
+def test_a_tip_that_holds_a_force_is_no_sensor_at_its_limit():
+    rng, rows = np.random.default_rng(2), []
+    for k in range(12):
+        time = np.arange(0.0, 9.0, 0.01)
+        inside = np.clip(time - 1, 0, 1) + 0.5 * np.clip((time - 2) / 3, 0, 1)  # creeps while held
+        out = np.clip(1 - (time - 5) / 0.7, 0, 1)
+        force = 0.2 * np.clip(time - 1, 0, 1) * out
+        depth = np.where(time < 1, 3 * (time - 1), 2 * inside) - 5 * np.clip(time - 5, 0, 1.2)
+        place = np.array([20.0 + 5 * k, 20.0])[:, None] + 0 * time
+        noisy = np.array([[0.003], [0.003]]) * rng.standard_normal((2, len(time)))
+        rows.append(np.vstack([9.0 * k + time, place, 48 - depth + noisy[0], force + noisy[1]]))
+    names = ("t_s", "x_mm", "y_mm", "z_mm", "force_n")
+    recording = Recording.of(
+        [Table("log", dict(zip(names, np.hstack(rows), strict=True)), {}, str)]
+    )
+    cut = cut_stream(recording, parse_rig(STAGE, Path("rig.toml")))
+    assert not any("limit" in one for one in cut.said)
+    assert all("hold" in press.phase for press in cut.presses)

@@ -38,6 +38,7 @@ from palpmap.result.records import ExplainRecord
 from palpmap.results import Comparison, FitResult, Run
 from palpmap.selection import diagnose, explain, limits, start
 from palpmap.selection_results import Diagnosis, Explanation, Limits
+from palpmap.sides import with_sides
 from palpmap.study import virtual_lab
 from palpmap.study.body import Body
 from palpmap.study.open_study import catalogue_with
@@ -81,7 +82,7 @@ def fit(
     >>> found.success, found.parameters["background_pa"].unit
     (True, 'Pa')
     """
-    experiment = experiment.with_inclusions(inclusions)
+    experiment = with_sides(experiment.with_inclusions(inclusions), progress)
     opened = experiment.opened(progress, thin=False)
     progress("fitting the map")
     for effect, initial in opened.effects:

@@ -15,6 +15,7 @@ from identify.select import explain as explain_scan
 from models import Catalogue
 from palpmap.experiment import Experiment
 from palpmap.selection_results import Diagnosis, Explanation, Limits
+from palpmap.sides import with_sides
 from palpmap.study.open_study import Problem
 
 
@@ -64,6 +65,7 @@ def diagnose(
     >>> pm.diagnose(study, [pm.CATALOGUE["contact_offset"]]).significant
     ('contact_offset',)
     """
+    experiment = with_sides(experiment, progress)
     problem = start(experiment, effects, progress)
     fit = problem.joint
     step = step_of(fit, problem.scan, problem.catalogue, seed, progress)
@@ -97,6 +99,7 @@ def explain(
     >>> why.verdict, why.added
     ('explained', ('contact_offset',))
     """
+    experiment = with_sides(experiment, progress)
     problem = start(experiment, effects, progress, on_iteration)
     found, without, answered = explain_scan(problem, seed, on_step)
     if answered is not problem:  # without presses that stand apart, or an error of the map
@@ -135,6 +138,7 @@ def limits(
     >>> 0 < offset.smallest_share < 0.1
     True
     """
+    experiment = with_sides(experiment, progress)
     problem = start(experiment, effects, progress)
     fit = problem.joint
     progress("computing what this scan can see")

@@ -34,8 +34,8 @@ ORDER = {
     "palpmap": (
         "study", "importing.readers", "importing.mapping", "importing.streams", "importing",
         "experiment", "result", "figures", "report", "recording", "run_files",
-        "results", "prediction_results", "selection_results", "selection", "export", "api", "robot",
-        "paper", "commands", "blind", "cli",
+        "results", "prediction_results", "selection_results", "sides", "selection", "export", "api",
+        "robot", "paper", "commands", "blind", "cli",
     ),
 }  # fmt: skip
 """Folders and modules of each package: one imports from itself and from those before it."""

@@ -54,7 +54,7 @@ Margin = Annotated[
         "--margin",
         metavar="M",
         help="Distance from the outermost presses to the sides of such a body, m.",
-        show_default="3/4 of the thickness",
+        show_default="found by evidence",
     ),
 ]
 Poisson = Annotated[float | None, typer.Option("--poisson", help="Poisson's ratio of the body.")]

@@ -56,7 +56,7 @@ class Facts:
     size_m, surface, thickness_m : of the body, one of the three: a block's edges, the file of a
         closed surface, or the thickness under a surface that the contact points make
     thickness_assumed : it is a guess
-    margin_m : from the outermost contacts to the sides of such a body; None is 3/4 of the thickness
+    margin_m : from the outermost contacts to the sides of such a body; None is found
     origin_m : place of the body's frame in the scan's; a block's is found if both are one
     displacement_noise_m, force_noise_n : standard deviations of the readings
     inclusions : a number, "auto", or "free" for a map of any shape; None is 1, of a body from

@@ -252,9 +252,10 @@ def _sides(explained: Explanation, problem: Problem) -> list[str]:
     if margin_m is None or explained.fitted_verdict == "nothing_missing":
         return []
     return [
-        f"The body's sides are assumed {length(margin_m)} beyond the outermost presses: nearer "
-        "ones bend the curves of these presses, which looks like effects of contact and place. "
-        "Where they are nearer, state body.margin_m and explain again."
+        f"The body's sides are not stated; {length(margin_m)} beyond the outermost presses they "
+        "are the most likely of those tried. Sides elsewhere would bend the curves of these "
+        "presses, which looks like effects of contact and place. Where you know them, state "
+        "body.margin_m and explain again."
     ]
 
 

@@ -63,9 +63,9 @@ class Body(Table):
     are moved along z onto its top and directions are replaced by the top's normal. A body "from
     contacts" has the surface that the contact points and press directions of a scan span
     (`palpmap.study.contact_body`): of the study's own scan, or of the one named by `file`; its flat
-    base lies `thickness_m` below their mean height, its sides `margin_m` beyond them, by default
-    three quarters of the thickness. `cell_size_m` is the size of the finite elements of the coarser
-    of two meshes (`palpmap.study.body_model`).
+    base lies `thickness_m` below their mean height, its sides `margin_m` beyond them; a margin that
+    is not stated is found (`palpmap.sides`), and is then `margin_assumed`. `cell_size_m` is the
+    size of the finite elements of the coarser of two meshes (`palpmap.study.body_model`).
 
     Examples
     --------
@@ -90,6 +90,7 @@ class Body(Table):
     origin_m: Point = (0.0, 0.0, 0.0)
     project_points: bool = Field(False, strict=True)
     thickness_assumed: bool = Field(False, strict=True)
+    margin_assumed: bool = Field(False, strict=True)
 
     @model_validator(mode="after")
     def _shape_has_its_keys(self) -> "Body":
@@ -102,6 +103,8 @@ class Body(Table):
             raise ValueError('thickness_m in m and no size_m, as shape is "from-contacts"')
         if not contacts and (self.thickness_m, self.margin_m) != (None, None):
             raise ValueError('thickness_m and margin_m only with shape = "from-contacts"')
+        if self.margin_assumed and self.margin_m is None:
+            raise ValueError("margin_m, as margin_assumed is true")
         if self.project_points and self.shape != "block":
             raise ValueError('project_points only with shape = "block"')
         if self.thickness_assumed and self.shape == "surface":

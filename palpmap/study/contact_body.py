@@ -16,7 +16,7 @@ from palpmap.study.body import Body
 if TYPE_CHECKING:
     from fem.mesh import ContactSurface, SmoothedSurface
 
-MARGIN = 0.75  # of the thickness: free sides there change a press at the edge by up to 1 to 2 %
+MARGIN = 0.75  # most, of the thickness: free sides there change a press at the edge by 1 to 2 %
 THINNEST = 0.1  # least height of a contact over the base, of the thickness
 CLEAR = 0.2  # below, beside the contacts, the surface is lifted from the base, of the thickness
 DIFFERENT_DEG = 10.0  # from the surface's normal: said
@@ -88,10 +88,11 @@ def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> 
         "and pressed along its normals; body.cell_size_m sets that.",
     ]
     if margin_m := assumed_margin_m(body):
+        found = "the most likely of the sides tried" if body.margin_assumed else "until a fit"
         notes.append(
-            f"Beyond the probed area the body goes on for {1e3 * margin_m:.3g} mm "
-            "(body.margin_m), as the scan does not know its sides. State body.margin_m where they "
-            "are nearer: a press at a free side is felt up to twice as soft."
+            f"Beyond the probed area the body goes on for {1e3 * margin_m:.3g} mm, {found}: the "
+            "scan does not state its sides. State body.margin_m where you know it: a press at a "
+            "free side is felt up to twice as soft."
         )
     return tuple(notes)
 
@@ -131,10 +132,13 @@ def contact_body(body: Body) -> ContactBody:
 
 
 def assumed_margin_m(body: Body) -> float | None:
-    """Return the margin beyond the outermost contacts of a body whose study states none, m."""
-    if body.thickness_m is None or body.margin_m is not None:
-        return None
-    return MARGIN * body.thickness_m
+    """Return the margin beyond the outermost contacts of a body whose study states none, m.
+
+    The widest, unless another one was found.
+    """
+    if body.margin_assumed or body.thickness_m is None:
+        return body.margin_m
+    return MARGIN * body.thickness_m if body.margin_m is None else None
 
 
 @lru_cache(maxsize=8)

@@ -21,6 +21,7 @@ from palpmap.commands.check import check_study
 from palpmap.experiment import read_study
 from palpmap.result.doubts import assumptions
 from palpmap.result.outline import study_outline
+from palpmap.sides import with_sides
 from palpmap.study.body_model import _between
 from palpmap.study.contact_body import contact_body
 from palpmap.study.kept_inputs import keep_inputs
@@ -111,6 +112,35 @@ def test_a_stated_margin_moves_the_sides(tmp_path):
         assert ("state body.margin_m" in " ".join(assumptions(explained, problem))) is said
     bad = CliRunner().invoke(app, ["new", "s.csv", "--margin", "0.01", "--out", "s"])
     assert (bad.exit_code, "--margin belongs to" in bad.output) == (2, True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("margin_m", "found"), [(0.005, 0.25), (THICK, 1.0)])
+def test_sides_that_are_not_stated_are_found(tmp_path, margin_m, found):
+    line = 0.009 * np.arange(5)
+    x, y = (v.ravel() for v in np.meshgrid(line, line, indexing="ij"))
+    points, down = np.column_stack([x, y, 0 * x]), np.tile([0.0, 0, -1], (25, 1))
+    size = line[-1] + 2 * margin_m, line[-1] + 2 * margin_m, THICK
+    placed = Contacts(points + np.array([margin_m, margin_m, THICK]), down, TIP)
+    truth = PalpationModel(block_mesh(size, (12, 12, 8)), NU, placed)
+    across = np.linalg.norm(truth.points_m[:, :2] - np.divide(size[:2], 2), axis=1)
+    compliance = truth.evaluate(MODULUS * (1 + np.exp(-((across / 0.01) ** 2)))).compliance
+    force = np.tile([0.1, 0.2], 25)
+    noise = np.random.default_rng(0).normal(0, 2e-5, 50)
+    scan = Scan(
+        press=np.repeat(np.arange(25), 2), time_s=np.arange(50), phase=["load", "hold"] * 25,
+        point_m=np.repeat(points, 2, axis=0), direction=np.repeat(down, 2, axis=0), force_n=force,
+        displacement_m=force * np.repeat(compliance, 2) + noise,
+        probe_radius_m=np.full(50, TIP), tip_pose=None,
+    )  # fmt: skip
+    experiment = read_study(json.loads(new(tmp_path, scan, "--thickness", str(THICK)))["study"])
+    sides = with_sides(experiment)
+    assert sides.study.body.margin_m == pytest.approx(0.75 * THICK * found)
+    assert sides.study.body.margin_assumed
+    assert with_sides(sides) is sides
+    # A run folder keeps them
+    kept = keep_inputs(sides.study, scan, tmp_path)
+    assert load_study(tmp_path / "study.toml").body == kept.body
 
 
 @pytest.mark.slow

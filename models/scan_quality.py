@@ -11,6 +11,7 @@ import numpy as np
 
 from models.errors import InputError
 from models.scan import Scan
+from models.scan_neighbours import too_strong
 from models.scan_readings import bad_readings, presses_of
 from models.scan_units import too_slow, too_stiff
 
@@ -25,7 +26,8 @@ CLIPPED_ROWS = 3
 CLIPPED_TRAVEL = 0.1  # of the largest travel, made while the force reads its largest value
 COLLAPSE = 0.1  # of the force before it
 LISTED = 5
-OUTLYING = ("clipped", "no_contact", "collapsed", "repeated_press", "force_unit")
+OUTLYING = ("clipped", "no_contact", "collapsed", "repeated_press", "force_unit",
+            "lone_force")  # fmt: skip
 """Kinds of doubt whose presses are to be left out."""
 
 
@@ -36,7 +38,7 @@ class Doubt:
     Attributes
     ----------
     kind : bad_reading, free_travel, clipped, no_contact, collapsed, missing_phase, repeated_press,
-        force_unit, time_unit
+        force_unit, lone_force, time_unit
     presses : ids of the presses
     rows : rows (0-based) of the table, where single readings are meant
     sentence : the finding, its place, and the cure
@@ -284,6 +286,15 @@ def _other_units(scan: Scan) -> list[Doubt]:
             "else leave the presses out."
         )
         found.append(Doubt("force_unit", tuple(stiff), (), sentence))
+    felt = touching(scan)
+    if strong := too_strong(felt.rows(~np.isin(felt.press, list(stiff)))):
+        times = float(np.median(list(strong.values())))
+        sentence = (
+            f"{_named(list(strong), scan)}: forces {times:.1f} times those of any press beside it "
+            "at the same travel, nearer than a hard spot could hide; check zero and gain of the "
+            "sensor there, or leave the presses out."
+        )
+        found.append(Doubt("lone_force", tuple(strong), (), sentence))
     if slow := too_slow(scan):
         sentence = (
             f"A press lasts {slow[0]:.4g} s, its readings {slow[1]:.4g} s apart, by time_s: if "

@@ -367,6 +367,25 @@ def test_presses_that_went_wrong_are_left_out_as_a_whole():
     )
 
 
+def test_a_press_three_times_stronger_than_those_beside_it_is_left_out():
+    scan = read_scan(LAB / "case_a" / "scan.csv")
+    force = np.where(scan.press == 5, 3.0, 1.0) * scan.force_n
+    left, (sentence,) = without_outliers(scan.replace(force_n=force))
+    assert set(scan.press_ids) - set(left.press_ids) == {5}
+    assert re.match(r"Left out: Press 5 \(1 of 81\): forces 2\.\d times those of any", sentence)
+
+
+@pytest.mark.parametrize(
+    "file", [*LAB.glob("*/scan.csv"), LAB.parents[2] / "examples/organ/scan.csv"]
+)
+def test_no_press_over_a_hard_spot_is_left_out(file):
+    scan = read_scan(file)
+    assert "lone_force" not in [doubt.kind for doubt in scan_findings(scan)]
+    hard = np.exp(-((np.linalg.norm(scan.point_m - scan.point_m[0], axis=1) / 0.009) ** 2))
+    scan = scan.replace(force_n=scan.force_n * (1 + hard))  # as over a ball right under the tip
+    assert "lone_force" not in [doubt.kind for doubt in scan_findings(scan)]
+
+
 @pytest.mark.parametrize("zero", [0.0, -0.3])
 def test_presses_in_the_air_may_read_below_zero(tmp_path, zero):
     """A tip that stops 2 mm above the surface, its sensor's zero a little off."""

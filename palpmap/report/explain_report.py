@@ -22,10 +22,12 @@ from palpmap.result.records import (
 from palpmap.result.tables import (
     Table,
     candidate_table,
+    farthest_shifts,
     ladder_table,
     limit_table,
     number,
     parameter_table,
+    undetermined,
 )
 from palpmap.study.frame import in_scan_frame
 from palpmap.study.open_study import Problem
@@ -63,6 +65,11 @@ def write_explain_report(
     following : the next steps
     """
     stepped = len(explained.ladder) > 1
+    farthest = farthest_shifts(explained.final.fit)
+    hard, easy = (
+        limit_table([e for e in record.limits if _is_hard_to_see(e) == is_hard], farthest=farthest)
+        for is_hard in (True, False)
+    )
     write_page(
         path,
         "explain.html",
@@ -91,8 +98,9 @@ def write_explain_report(
         candidates=candidate_table([c for c in record.candidates if c.verdict != "not_seen"]),
         not_seen=candidate_table([c for c in record.candidates if c.verdict == "not_seen"]),
         next_presses=_next_table(record.next_presses),
-        limits=limit_table([e for e in record.limits if _is_hard_to_see(e)]),
-        seen_limits=limit_table([e for e in record.limits if not _is_hard_to_see(e)]),
+        limits=hard,
+        seen_limits=easy,
+        undetermined=undetermined(hard) or undetermined(easy),
         how=Table.of(("", ""), finding.how.items()),
     )
 

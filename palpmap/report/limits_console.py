@@ -8,14 +8,13 @@ from palpmap.report.draw import console
 from palpmap.result.doubts import untestable_sentences
 from palpmap.result.presses_words import left_out_sentences
 from palpmap.result.records import LimitsRecord
-from palpmap.result.tables import ShiftColumn, limit_table
+from palpmap.result.tables import ShiftColumn, farthest_shifts, limit_table, undetermined
 from palpmap.units import quantity
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _WEIGHT = "inclusion_1.weight_pa"
-_FAR = 10  # times a modulus: no shift in proportion goes so far
 
 
 def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType", ...]:
@@ -28,19 +27,15 @@ def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType
     letters = dict(zip(scans, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", strict=False))
     biased = {name for e in seen for name in e.map_bias}
     shifts = [column for column in _shift_columns(fit) if column.name in biased]
-    beyond = any(
-        c.shown(e.map_bias[c.name]) == "-" for c in shifts for e in seen if c.name in e.map_bias
+    table = limit_table(
+        seen, shifts, letters, "detection limits (5 standard errors), % of the signal"
     )
-    title = "detection limits (5 standard errors), % of the signal"
     return (
         _headline(record),
-        console(limit_table(seen, shifts, letters, title)),
+        console(table),
         "Signal: the rms of the modelled displacements.",
         _of_the_map(record),
-        *(
-            [f"-: not determined (a shift beyond the body, or over {_FAR} times the value)."]
-            * beyond
-        ),
+        *filter(None, [undetermined(table)]),
         *(f"{letters[name]}: the scan {change} ({name})." for name, change in scans.items()),
         *untestable_sentences(record.limits, "Not seen at any size"),
         *left_out_sentences(record),
@@ -70,20 +65,12 @@ def _headline(record: LimitsRecord) -> str:
 
 
 def _shift_columns(fit: FitResult) -> list[ShiftColumn]:
-    """Return the columns of background, first weight and first depth, moduli in percent.
-
-    A shift beyond the body, or of many times the modulus, is shown as "-".
-    """
-    values = fit.values
+    """Return the columns of background, first weight and first depth, moduli in percent."""
+    values, most = fit.values, farthest_shifts(fit)
     columns = (("background_pa", "E0 %", 1), (_WEIGHT, "w %", 0), ("inclusion_1.z_m", "z mm", 1))
 
     def column(name: str, heading: str, digits: int) -> ShiftColumn:
-        length = name.endswith("_m")
-        most = sizes[name] if length else _FAR * abs(values[name])
-        scale = 1e3 if length else 100 / values[name]
-        return ShiftColumn(
-            name, heading, lambda v: f"{scale * v:+.{digits}f}" if abs(v) <= most else "-"
-        )
+        scale = 1e3 if name.endswith("_m") else 100 / values[name]
+        return ShiftColumn(name, heading, lambda v: f"{scale * v:+.{digits}f}", most[name])
 
-    sizes = {p.name: p.upper - p.lower for p in fit.model.space.parameters}
-    return [column(*each) for each in columns if each[0] in sizes]
+    return [column(*each) for each in columns if each[0] in most]

@@ -1,10 +1,12 @@
 """The tables that show a result, made from its records; every face draws the same ones."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from identify.design import UndetectedBias
+from identify.fit import FitResult
 from palpmap import units
 from palpmap.result.explain_words import CANDIDATES, step_labels, unreliable
 from palpmap.result.records import (
@@ -232,20 +234,53 @@ def verdict_table(candidates: Sequence[CandidateRecord], title: str = "") -> Tab
     return Table.of(("Verdict", "Effects"), rows, title)
 
 
+FAR = 10  # times a modulus: no shift in proportion goes so far
+
+
 @dataclass(frozen=True)
 class ShiftColumn:
-    """Column of a table of limits: the shift of a parameter by an ignored effect."""
+    """Column of a table of limits: the shift of a parameter by an ignored effect.
+
+    Attributes
+    ----------
+    text : of a shift in SI units
+    most : largest shift that is determined, in SI units; see `farthest_shifts`
+    """
 
     name: str
     heading: str
-    shown: Callable[[float], str]
+    text: Callable[[float], str]
+    most: float = math.inf
 
     @classmethod
-    def of(cls, name: str) -> "ShiftColumn":
+    def of(cls, name: str, most: float = math.inf) -> "ShiftColumn":
         """Return the column of a parameter of the map, in kPa or mm."""
         unit = units.unit_of(name)
         heading = f"{units.plain_name(name)}, {units.scale(unit)[1]}"
-        return cls(name, heading, lambda value: units.shift(value, unit))
+        return cls(name, heading, lambda value: units.shift(value, unit), most)
+
+    def shown(self, value: float) -> str:
+        """Return the text of a shift, "-" if it is not determined."""
+        return self.text(value) if abs(value) <= self.most else "-"
+
+
+def farthest_shifts(fit: FitResult) -> dict[str, float]:
+    """Return by parameter of the map the largest shift that is determined, in its unit.
+
+    The part of the body where a place is sought, and many times a modulus.
+    """
+    return {
+        p.name: p.upper - p.lower if p.name.endswith("_m") else FAR * abs(fit.values[p.name])
+        for p in fit.model.space.parameters
+        if p.name in fit.values
+    }
+
+
+def undetermined(table: Table) -> str:
+    """Return the meaning of "-" below a table of limits in which it stands, else nothing."""
+    if not any(cell.text == "-" for row in table.rows for cell in row):
+        return ""
+    return f"-: not determined (a shift beyond the body, or over {FAR} times the value)."
 
 
 def limit_table(
@@ -253,6 +288,7 @@ def limit_table(
     shifts: Sequence[ShiftColumn] | None = None,
     letters: Mapping[str, str] | None = None,
     title: str = "",
+    farthest: Mapping[str, float] | None = None,
 ) -> Table:
     """Return the detection limit of every effect, and its shift of the map if it is ignored.
 
@@ -260,10 +296,11 @@ def limit_table(
     ----------
     shifts : columns of the shifts, None for all parameters of the map
     letters : letter of each planned scan by its program
+    farthest : see `farthest_shifts`, where no columns are given
     """
     if shifts is None:
         names = dict.fromkeys(n for e in limits for n in e.map_bias if units.is_of_map(n))
-        shifts = [ShiftColumn.of(name) for name in names]
+        shifts = [ShiftColumn.of(name, (farthest or {}).get(name, math.inf)) for name in names]
     rows = (
         (
             e.name,

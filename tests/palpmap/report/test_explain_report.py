@@ -208,6 +208,13 @@ def test_limits_have_a_column_for_each_parameter_of_the_map_and_none_for_effects
     assert not any("several_plays" in column.heading for column in table.columns)
 
 
+def test_a_shift_beyond_the_body_is_no_number_in_the_report_either(told, tmp_path):
+    limits = [one.changed(map_bias={"inclusion_1.z_m": 25.6}) for one in told.record.limits]
+    page = written(replace(told, record=told.record.changed(limits=tuple(limits))), tmp_path)
+    assert "25600" not in page.text
+    assert "-: not determined (a shift beyond the body" in page.text
+
+
 def test_texts_from_files_are_escaped(told, tmp_path):
     candidates = tuple(
         c.changed(evidence=NASTY, verdict="supported") for c in told.record.candidates

@@ -121,10 +121,12 @@ def little_left_words(explained: Explanation) -> str:
     """Say how little structure is left, and what that means for the values."""
     fit = explained.final.fit
     excess = (fit.chi2 - fit.dof) / (explained.ladder[0].fit.chi2 - fit.dof)
+    left = f"{np.sqrt(fit.chi2_per_dof):.3g} times the noise: {percent(excess)} of the misfit is"
+    if excess <= 0:
+        left = "as large as the noise: none of the misfit but its pattern is"
     return (
-        f" The residual is {np.sqrt(fit.chi2_per_dof):.3g} times the noise: {percent(excess)} of "
-        "the misfit is left, less than laws of contact are right to. Another law could leave none, "
-        "with other values."
+        f" The residual is {left} left, less than laws of contact are right to. Another law could "
+        "leave none, with other values."
     )
 
 

@@ -130,7 +130,10 @@ def test_structure_that_a_law_of_contact_may_leave_makes_its_cause_doubtful(
     assert (found.added, found.ambiguous) == ((), ((name, OTHER_CAUSE),))
     assert effect_verdict(CATALOGUE[name], found).confused_with == (OTHER_CAUSE,)
     assert "error of contact laws" in headline(found)
-    assert "of the misfit is left" in verdict_detail(found)
+    for excess, said in ((9.0, " % of the misfit is left"), (-9.0, "but its pattern is left")):
+        fit = replace(left.fit, chi2=left.fit.dof + excess)
+        there = replace(found, ladder=(rough, replace(left, fit=fit)))
+        assert said in verdict_detail(there)
 
 
 def steps(*chi2: float, noise: bool = False) -> Any:

@@ -100,12 +100,12 @@ def test_mujoco_repeats_a_press(run, tmp_path):
 
 
 @pytest.mark.slow
-def test_mujoco_repeats_the_81_presses_of_a_laboratory_scan(tmp_path):
+def test_mujoco_repeats_presses_from_corner_to_corner_of_a_laboratory_scan(tmp_path):
     fit = pm.fit(pm.read_study(LAB / "case_c" / "study.toml"), inclusions=1)
     fit.write(tmp_path / "run")
     path, _ = export_run(pm.read_run(tmp_path / "run"), "mujoco", tmp_path / "body.xml")
     off = [found / expected - 1 for found, expected in
-           (mujoco_compliance(path, press) for press in range(81))]  # fmt: skip
+           (mujoco_compliance(path, press) for press in range(0, 81, 10))]  # fmt: skip
     assert np.abs(off).max() < AGREES
 
 

@@ -202,21 +202,19 @@ class Stiffness:
         return data
 
     def energies(
-        self, displacement: np.ndarray, close_cells: np.ndarray | None = None, spare: int = 0
+        self, displacement: np.ndarray, close_cells: np.ndarray | None = None
     ) -> np.ndarray:
-        """Twice the strain energy for E = 1 that each modulus sample carries, (j, e q + spare).
+        """Twice the strain energy for E = 1 that each modulus sample carries, (j, e q).
 
         Parameters
         ----------
         displacement : (j, n, 3) m
         close_cells : (c,) that have samples of their own, see `values` and `close_energies`
-        spare : columns of zeros at the end, for the caller
         """
         by_node = np.ascontiguousarray(displacement.transpose(1, 2, 0))
         count = len(self.volumes) * self.samples
-        whole = np.empty((count + spare, len(displacement)))
-        whole[count:] = 0.0
-        out = whole[:count].reshape(-1, self.samples, len(displacement))
+        whole = np.empty((count, len(displacement)))
+        out = whole.reshape(-1, self.samples, len(displacement))
         weights = self.volumes[:, None] * self.rule[1]
         kernels.energies(out, by_node, self.mesh.cells, self.gradients, self.rule_derivatives,
                          weights, *self._lame)  # fmt: skip

@@ -60,16 +60,17 @@ def shared(
     press = np.searchsorted(begin, first[order], "right") - 1
     busy = np.unique(press) if len(press) else np.zeros(1, int)
     own = [first[order][press == j] - begin[j] for j in busy]
+    every: tuple[np.ndarray, ...] = ()  # by key, as they are looked up
     with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
-        parts = list(pool.map(compute, busy, own))
-    place = np.empty(len(first), np.int64)
-    place[order] = np.arange(len(order))
+        # Each press's part is put in its place and freed: all of them take as much memory again
+        for j, part in zip(busy, pool.map(compute, busy, own), strict=True):
+            every = every or tuple(np.empty((len(first), *a.shape[1:]), a.dtype) for a in part)
+            for array, values in zip(every, part, strict=True):
+                array[order[press == j]] = values
     if known is not None:
         taken = np.searchsorted(known.keys, different[~new])
-        parts.append(tuple(array[taken] for array in known.arrays))
-        place[~new] = len(order) + np.arange(len(taken))
-    # By key, as they are looked up
-    every = tuple(np.concatenate(arrays)[place] for arrays in zip(*parts, strict=True))
+        for array, values in zip(every, known.arrays, strict=True):
+            array[~new] = values[taken]
     return Shared(every, [back.ravel()[b:e] for b, e in pairwise(begin)], different)
 
 

@@ -52,14 +52,19 @@ class CellIntegrals(NamedTuple):
         _couple(by_function, energy, first, numbers, read_only(modulus), *self)
 
     def add_energies(
-        self, samples: np.ndarray, nodes: np.ndarray, fields: np.ndarray, amplitude: np.ndarray
+        self,
+        samples: np.ndarray,
+        first: int,
+        nodes: np.ndarray,
+        fields: np.ndarray,
+        amplitude: np.ndarray,
     ) -> None:
-        """Add near-field energies, doubled and for E = 1, to the modulus samples (j, rows, q).
+        """Add near-field energies, doubled and for E = 1, to the modulus samples (g, rows, q).
 
-        From the finite element part `fields` (j, n, 3) m and the `amplitude` (j, m) of the
-        functions; `nodes` (e, nodes) are the mesh's cells.
+        Of g presses from `first` on, from the finite element part `fields` (g, n, 3) m and the
+        `amplitude` (g, m) of the functions; `nodes` (e, nodes) are the mesh's cells.
         """
-        _add_energies(samples, nodes, fields, read_only(amplitude), *self)
+        _add_energies(samples, first, nodes, fields, read_only(amplitude), *self)
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
@@ -92,14 +97,16 @@ def _couple(
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
-def _add_energies(samples, nodes, fields, amplitude, begin, cells, table, rows, coupling, energies):
+def _add_energies(
+    samples, first, nodes, fields, amplitude, begin, cells, table, rows, coupling, energies
+):
     """Sum as `CellIntegrals.add_energies` says."""
     kinds, count, per_cell, corners, _ = coupling.shape
     size = 3 * corners
     flat = coupling.reshape(kinds, count, per_cell, size)
     for j in numba.prange(len(samples)):
         local = np.empty(size)
-        for t in range(begin[j], begin[j + 1]):
+        for t in range(begin[first + j], begin[first + j + 1]):
             row, own_nodes = rows[t], nodes[cells[t]]
             for k in range(corners):
                 for a in range(3):

@@ -6,6 +6,7 @@ from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from fem.contact.contacts import Contacts
 from fem.errors import SolverError
@@ -33,13 +34,19 @@ class ConstrainedBody:
     """A body with some surfaces held: its matrix, its loads and the springs under its base."""
 
     def __init__(
-        self, mesh: Mesh, nu: float, held: tuple[str, ...], weights: np.ndarray, solver: Solver,
+        self, mesh: Mesh, nu: float, held: tuple[str, ...], weights: sp.csr_array, solver: Solver,
         resting: str, skin: tuple[str, Contacts], iterative_from: int = LARGE,
     ) -> None:  # fmt: skip
         self.stiffness = Stiffness(mesh, nu, held)
-        self.loads = self.stiffness.restrict(weights)
+        columns = 3 * self.stiffness.free_nodes[:, None] + np.arange(3)
+        self._loads = weights[:, columns.ravel()].T.tocsc()
         self._solver, self._resting, self._skin = solver, resting, skin
         self._iterative_from = iterative_from
+
+    @property
+    def loads(self) -> np.ndarray:
+        """The loads (3 f, j), made at each call: of hundreds of presses they take 100 MB."""
+        return self._loads.toarray(order="F")
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -49,8 +56,8 @@ class ConstrainedBody:
     @cached_property
     def loaded_pattern(self) -> Pattern:
         """The analysed pattern, for the loads: where few rows bear them, that saves a third."""
-        rows = np.flatnonzero(self.loads.any(axis=1))
-        if not len(rows) or len(rows) > FEW * len(self.loads):
+        rows = np.unique(self._loads.indices)
+        if not len(rows) or len(rows) > FEW * self._loads.shape[0]:
             return self.pattern
         s = self.stiffness
         return self._solver.analyse(s.indptr, s.indices, loaded=rows)
@@ -61,7 +68,7 @@ class ConstrainedBody:
 
         A way that fails is not tried again.
         """
-        if len(self.loads) < self._iterative_from:
+        if self._loads.shape[0] < self._iterative_from:
             return []
         s = self.stiffness
         ways: list[PreconditionerFactory] = []

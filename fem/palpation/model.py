@@ -18,6 +18,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
 from fem.contact.contacts import Contacts, PressedSurface, contact_weights
 from fem.errors import SolverError
@@ -99,7 +100,8 @@ class PalpationModel:
         self._skin_surface = skin_surface
         self._iterative_from = iterative_from
         self._solver = solver or default_solver()
-        self._weights = contact_weights(mesh, contacts)
+        weights = contact_weights(mesh, contacts)
+        self._weights = sp.csr_array(weights.reshape(len(contacts), -1))  # few nodes bear a press
         self._bonded = self._hold(poisson_ratio, (self.support.surface, *self.support.held))
         self.stiffness = self._bonded.stiffness
         self._plane: FibrePlane | None = None
@@ -114,7 +116,7 @@ class PalpationModel:
                 )
             self.close_cells = close_cells(mesh, places)
             self.enrichment = enrich(
-                self.stiffness, surface, contacts, self._weights, places, self.close_cells,
+                self.stiffness, surface, contacts, weights, places, self.close_cells,
                 None if like is None else like.enrichment,
             )  # fmt: skip
 
@@ -259,20 +261,19 @@ class PalpationModel:
         self, body: ConstrainedBody, material: Material, values: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Compliances (j,), fields (3 f, j) and amplitudes (j, m) with the near fields."""
-        factor = body.pattern.factorize(values)
-        half = factor.forward(body.loads)  # all products with the inverse need no more
-        compliance = np.einsum("dj,dj->j", half, half)
+        factor, field = body.pattern.factorize(values), body.loads  # each replaced by its field
+        compliance = np.empty(field.shape[1])
         amplitude = np.zeros((len(compliance), FUNCTIONS))
         for group, near in self.near_fields(body.stiffness, material):
             shape = near.coupling.shape  # (j, m, d): a matrix of columns in memory for the factor
             k = factor.forward(near.coupling.reshape(-1, shape[2]).T).T.reshape(shape)
-            pressed = half[:, group].T
-            missing = near.load - (k @ pressed[..., None])[..., 0]
+            half = factor.forward(field[:, group])  # all products with the inverse need no more
+            missing = near.load - (k @ half.T[..., None])[..., 0]
             schur = near.energy - k @ k.swapaxes(1, 2)
-            amplitude[group] = _solve_definite(schur, missing)
-            compliance[group] += np.sum(missing * amplitude[group], axis=1)
-            half[:, group] -= (amplitude[group, None] @ k)[:, 0].T
-        return compliance, factor.backward(half), amplitude
+            amplitude[group] = own = _solve_definite(schur, missing)
+            compliance[group] = np.einsum("dj,dj->j", half, half) + np.sum(missing * own, axis=1)
+            field[:, group] = factor.backward(half - (own[:, None] @ k)[:, 0].T)
+        return compliance, field, amplitude
 
     def values(self, body: ConstrainedBody, material: Material) -> np.ndarray:
         """Values of a body's stiffness matrix, without the support's springs."""

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from fem.palpation.model import PalpationModel
 
 
+_GROUP = 32  # presses whose energies are summed together
+
+
 @dataclass(frozen=True)
 class Response:
     """Response of the body to unit forces, for one modulus field.
@@ -56,44 +59,53 @@ class Response:
     @cached_property
     def sensitivity(self) -> np.ndarray:
         """Derivative of each compliance with respect to the modulus samples, (j, p) m/(N Pa)."""
-        stiffness = self._body.stiffness
-        nodal = stiffness.prolong(self._free)
-        presses, enrichment = len(nodal), self.model.enrichment
-        skin, own = self._material.skin, len(stiffness.points_m)
-        spare = presses if enrichment is None else 0  # else they come behind the close samples
-        whole = stiffness.energies(nodal, self.model.close_cells, spare)
-        if enrichment is not None:
-            by_press = np.ascontiguousarray(nodal)
-            close = self._material.close.by_asked(self._close_energies(nodal, by_press))
-            close = close.reshape(presses, -1)
-            energies, whole = whole, np.zeros((presses, own + close.shape[1] + presses))
-            transpose(whole, energies.T)  # by press in memory, as they are read and added to
-            by_cell = whole[:, :own].reshape(presses, -1, stiffness.samples)
-            for part in enrichment.ordinary:
-                part.add_energies(by_cell, stiffness.mesh.cells, by_press, self.amplitude)
-            whole[:, own:-presses] = close
-        np.negative(whole, out=whole)
-        by_local = np.zeros((presses, presses))
+        stiffness, skin = self._body.stiffness, self._material.skin
+        presses, own = len(self.compliance), len(stiffness.points_m)
+        whole = np.empty((presses, len(self.model.points_m)))
+        for group, nodal, by_press in self._fields():
+            part = whole[group]
+            transpose(part, stiffness.energies(nodal, self.model.close_cells).T)
+            part[:, own:] = 0.0
+            if self.model.enrichment is not None:
+                by_cell = part[:, :own].reshape(len(part), -1, stiffness.samples)
+                for integrals in self.model.enrichment.ordinary:
+                    integrals.add_energies(
+                        by_cell, group.start, stiffness.mesh.cells, by_press, self.amplitude[group]
+                    )
+                close = self._close_energies(group, nodal, by_press)
+                part[:, own:-presses] = self._material.close.by_asked(close).reshape(len(part), -1)
+            np.negative(part, out=part)
+            if skin is not None:
+                membrane = self._body.membrane
+                stretched = membrane.strains(nodal)
+                by_stretch = membrane.energies(stretched, stretched)
+                part[:, membrane.samples] -= skin.stretch_m * by_stretch
         if skin is not None:
             near = self._body.near_skin(skin)
-            np.fill_diagonal(by_local, -near.value / self._material.local**2)
-            membrane = self._body.membrane
-            stretched = membrane.strains(nodal)
-            whole[:, membrane.samples] -= skin.stretch_m * membrane.energies(stretched, stretched)
-        whole[:, -presses:] = by_local
+            np.fill_diagonal(whole[:, -presses:], -near.value / self._material.local**2)
         return whole
 
-    def _close_energies(self, nodal: np.ndarray, by_press: np.ndarray) -> np.ndarray:
+    def _fields(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+        """Fields (j, n, 3) of groups of presses, in the order of `Stiffness.prolong` and by press.
+
+        In groups, as the copies of all fields would take more memory than what is made of them.
+        """
+        for first in range(0, len(self.compliance), _GROUP):
+            group = slice(first, min(first + _GROUP, len(self.compliance)))
+            nodal = self._body.stiffness.prolong(self._free[:, group])
+            yield group, nodal, np.ascontiguousarray(nodal)
+
+    def _close_energies(self, group: slice, nodal: np.ndarray, by_press: np.ndarray) -> np.ndarray:
         """Twice the energy of fields at the samples around the tips for E = 1, (j, c, s).
 
-        Of fields (j, n, 3) both in the order of `Stiffness.prolong` and press by press.
+        Of `_fields`.
         """
-        mesh = self.model.mesh
         result = self._body.stiffness.close_energies(nodal, self.model.close_cells)
         result = np.ascontiguousarray(result)
         if self.model.enrichment is not None:
-            close = self.model.enrichment.close
-            close.add_energies(result, mesh.cells, by_press, self.amplitude)
+            self.model.enrichment.close.add_energies(
+                result, group.start, self.model.mesh.cells, by_press, self.amplitude[group]
+            )
         return result
 
     @cached_property
@@ -107,8 +119,7 @@ class Response:
         by_cell = material.modulus.reshape(-1, stiffness.samples)[self.model.close_cells]
         linear = by_cell @ sample_basis(stiffness) @ CLOSE_SAMPLES.T
         if material.close.steep:
-            nodal = stiffness.prolong(self._free)
-            close = self._close_energies(nodal, np.ascontiguousarray(nodal))
+            close = np.concatenate([self._close_energies(*fields) for fields in self._fields()])
         else:  # as in the sensitivity, which whoever corrects a map asks for, too
             first, count = len(stiffness.points_m), material.close.asked.size
             close = -self.sensitivity[:, first : first + count]

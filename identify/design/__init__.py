@@ -3,6 +3,7 @@
 from identify.design.assessment import Assessment, assess
 from identify.design.detection_limits import Limit, detection_limits
 from identify.design.geometry_confounders import GeometryConfounder
+from identify.design.likeliest_body import likeliest_body
 from identify.design.next_presses import Proposal
 from identify.design.other_map import OtherMap, other_map
 from identify.design.predicted_limits import BetterScans, better_scans
@@ -24,5 +25,6 @@ __all__ = [
     "assess",
     "better_scans",
     "detection_limits",
+    "likeliest_body",
     "other_map",
 ]

@@ -18,7 +18,7 @@ from identify.fit.posterior import (
 from identify.fit.result import Estimate, FitResult
 from identify.fit.search import FitIteration
 from identify.fit.settings import CONTACT_LAW
-from identify.fit.start_map import fit_map, likeliest_body
+from identify.fit.start_map import fit_map
 
 __all__ = [
     "CONTACT_LAW",
@@ -37,7 +37,6 @@ __all__ = [
     "draw_posterior",
     "fit_jointly",
     "fit_map",
-    "likeliest_body",
     "read_fit",
     "refuse_samples",
     "refuse_without_arviz",

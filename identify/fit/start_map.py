@@ -1,6 +1,6 @@
 """The map of an experiment, with its number of inclusions, guesses and noise."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -66,23 +66,6 @@ def fit_map(
         fine_model=body.fine, start=start, free=free, optimizer=optimizer, callback=callback,
         settings=replace(settings, rounds=0, curved_intervals=False) if rough else settings,
     )  # fmt: skip
-
-
-def likeliest_body(experiments: Iterable[PlacedExperiment]) -> tuple[int, list[float]]:
-    """Return the number of the body with the most evidence of a free map; the log evidences.
-
-    Parameters
-    ----------
-    experiments : the same scan on one body after the other; taken as long as the evidence rises
-    """
-    evidence: list[float] = []
-    for experiment in experiments:
-        field = fit_map(experiment, rough=True).field
-        assert field is not None
-        evidence.append(field.log_evidence)
-        if evidence[-1] < max(evidence):
-            break
-    return int(np.argmax(evidence)), evidence
 
 
 def _quick_fit(experiment: PlacedExperiment, inclusions: int, settings: FitSettings) -> FitResult:

@@ -12,6 +12,7 @@ from identify.select.score_test import Score
 from identify.select.settings import SELECTION
 from identify.select.start_fit import (
     StartFit,
+    contact_law_of,
     kind_of_map,
     refuse_effect,
     start_fit,
@@ -36,6 +37,7 @@ __all__ = [
     "Step",
     "Verdict",
     "WithoutSuspects",
+    "contact_law_of",
     "explain",
     "fit_with",
     "kind_of_map",

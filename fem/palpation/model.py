@@ -40,6 +40,7 @@ from fem.palpation.material import Material
 from fem.palpation.response import Response
 from fem.palpation.skin import Skin
 from fem.solve.direct import Solver, default_solver
+from fem.solve.threads import available_cores
 
 __all__ = ["PalpationModel", "Response"]
 
@@ -110,7 +111,8 @@ class PalpationModel:
         self.close_cells = np.zeros(0, int)
         if near_field and contacts.profile != "nodal":
             surface, presses = PressedSurface(mesh), range(len(contacts))
-            with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
+            # The quadrature runs outside the interpreter lock; each thread keeps some memory
+            with ThreadPoolExecutor(available_cores()) as pool:
                 places = list(
                     pool.map(lambda j: neighbourhood(self.stiffness, surface, contacts, j), presses)
                 )

@@ -85,6 +85,10 @@ class Response:
             np.fill_diagonal(whole[:, -presses:], -near.value / self._material.local**2)
         return whole
 
+    def forget_sensitivity(self) -> None:
+        """Free the sensitivity, which takes more memory than the fields; it is made again."""
+        self.__dict__.pop("sensitivity", None)
+
     def _fields(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
         """Fields (j, n, 3) of groups of presses, in the order of `Stiffness.prolong` and by press.
 

@@ -17,7 +17,8 @@ from identify.map.gaussian_map import GaussianMap
 from identify.optimize.result import InadmissibleError
 
 _KEPT_SOLUTIONS = 6  # fits begin at the end of others
-_KEPT_BYTES = 3e8  # ... and of many presses fewer, see `fewer`
+_KEPT_BYTES = 1.5e8  # ... and of many presses fewer, see `fewer`
+_FEWEST = 2  # where a search stands, and where it tries
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,12 @@ class CoarseSolutions:
         response = self._solutions.get(key) or self.solve(self.coarse, stiffness, state)
         # Fields, and the derivatives at the modulus samples
         numbers = response._free.size + len(response.compliance) * len(self.coarse.points_m)
-        keep(self._solutions, key, response, fewer(_KEPT_SOLUTIONS, 8.0 * numbers))
+        most = fewer(_KEPT_SOLUTIONS, 8.0 * numbers)
+        if most == _FEWEST:  # large ones: of the last one derivatives are asked for again
+            for older in self._solutions.values():
+                if older is not response:
+                    older.forget_sensitivity()
+        keep(self._solutions, key, response, most)
         return response
 
     def solution(
@@ -96,14 +102,19 @@ class CoarseSolutions:
 def keep(last: dict, key: Any, value: Any, most: int) -> None:
     """Put a value last into a dictionary, and drop the first ones beyond a number."""
     last.pop(key, None)
+    make_room(last, most)
     last[key] = value
-    while len(last) > most:
+
+
+def make_room(last: dict, most: int) -> None:
+    """Drop the first values of a dictionary so that one more is no more than a number."""
+    while len(last) >= most:
         del last[next(iter(last))]
 
 
 def fewer(most: int, bytes_each: float) -> int:
-    """Return the number of values to keep: so many, or fewer large ones, but two."""
-    return int(np.clip(_KEPT_BYTES / bytes_each, min(2, most), most))
+    """Return the number of values to keep: so many, or fewer large ones."""
+    return int(np.clip(_KEPT_BYTES / bytes_each, min(_FEWEST, most), most))
 
 
 def _law(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fem import RefinedModel
-from identify.body.coarse_solutions import fewer, keep
+from identify.body.coarse_solutions import fewer, keep, make_room
 from identify.body.discretization_error import (
     ASSUMED,
     CarriedFine,
@@ -122,6 +122,8 @@ class Corrections:
                     trend = known.trend.around(stiffness) if same else None
                     carried = _believed(at[0] / compliance, at[1], known.tip, settings)
                     return replace(carried, trend=trend, carried=True)
+        for known in [*self._fine.values()][:1]:  # before the solution takes its memory
+            make_room(self._fine, fewer(_KEPT_FINE, known.ratio.nbytes))
         coarse = models.solved(stiffness, plain)
         found = fine_solution(fine, changed, models.coarse, coarse.compliance, settings)
         tip = tip_pressure(found.response, changed)

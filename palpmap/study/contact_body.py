@@ -88,11 +88,14 @@ def surface_notes(body: Body, distance_m: np.ndarray, angle_deg: np.ndarray) -> 
         "and pressed along its normals; body.cell_size_m sets that.",
     ]
     if margin_m := assumed_margin_m(body):
-        found = "the most likely of the sides tried" if body.margin_assumed else "until a fit"
+        found = (
+            "the most likely of the sides tried, as the scan does not state them"
+            if body.margin_assumed
+            else "as the scan does not state its sides; a fit takes nearer ones where likelier"
+        )
         notes.append(
-            f"Beyond the probed area the body goes on for {1e3 * margin_m:.3g} mm, {found}: the "
-            "scan does not state its sides. State body.margin_m where you know it: a press at a "
-            "free side is felt up to twice as soft."
+            f"Beyond the probed area the body goes on for {1e3 * margin_m:.3g} mm, {found}. State "
+            "body.margin_m where you know it: a press at a free side is felt up to twice as soft."
         )
     return tuple(notes)
 

@@ -98,10 +98,12 @@ def test_a_stated_margin_moves_the_sides(tmp_path):
     written = new(tmp_path, dome_scan(), "--thickness", str(THICK), "--margin", "0.007")
     body = contact_body(load_study(json.loads(written)["study"]).body)
     assert body.margin_m == pytest.approx(0.007)
-    assert "State body.margin_m where they" not in written
+    assert "State body.margin_m" not in written
     assumed = tmp_path / "assumed"
     assumed.mkdir()
-    free = json.loads(new(assumed, dome_scan(), "--thickness", str(THICK)))["study"]
+    told = json.loads(new(assumed, dome_scan(), "--thickness", str(THICK)))
+    assert "a fit takes nearer ones" in " ".join(told["said"])
+    free = told["study"]
     for study, verdict, said in (
         (free, "explained", True), (free, "nothing_missing", False),
         (json.loads(written)["study"], "explained", False),

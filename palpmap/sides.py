@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from fem import MeshError
 from identify import PlacedExperiment, Progress, silent
-from identify.catalogue import CATALOGUE
 from identify.design import likeliest_body
 from models import InputError, thinned, touching
 from palpmap.experiment import Experiment
 from palpmap.study.contact_body import assumed_margin_m
+from palpmap.study.open_study import catalogue_with
 
 HALVINGS = 3  # of a margin of 3/4 of the thickness: a tip hangs over nearer sides
 PRESSES = 36  # the outermost among them: enough to tell the sides
@@ -45,8 +45,7 @@ def with_sides(experiment: Experiment, progress: Progress = silent) -> Experimen
                 return
             yield opened
 
-    effects = (*CATALOGUE, *experiment.own_effects)
-    best, evidence = likeliest_body(bodies(), effects)
+    best, evidence = likeliest_body(bodies(), catalogue_with(experiment.own_effects))
     shown = ", ".join(
         f"{1e3 * margin_m:.3g} mm ({e - evidence[best]:+.1f})"
         for margin_m, e in zip(margins_m, evidence, strict=False)

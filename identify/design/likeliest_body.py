@@ -5,15 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from fem import SolverError
 from identify.effects.base import Effect
 from identify.fit import CONTACT_LAW, fit_map
 from identify.measurement.experiment import PlacedExperiment
+from identify.optimize import InadmissibleError
 from identify.select import contact_law_of
 from models import Catalogue
 
+CLEAR = 3.0  # rise of the log evidence, odds of twenty: that of four measured scans was 0 to 1, of
+# saddles with sides near the presses 8 to 81
+
 
 def likeliest_body(
-    experiments: Iterable[PlacedExperiment], effects: Sequence[Effect], clear: float = 3.0
+    experiments: Iterable[PlacedExperiment], catalogue: Catalogue[Effect]
 ) -> tuple[int, list[float]]:
     """Return the number of the body that a free map has evidence for; the log evidences.
 
@@ -23,23 +28,32 @@ def likeliest_body(
     Parameters
     ----------
     experiments : the same scan on one body after the other; taken as long as the evidence rises
-    effects : candidates of the contact law, the experiment's among them
-    clear : rise of the log evidence from which another body than the first is taken, odds of
-        twenty; that of four measured scans rose by 0 to 1, of saddles with sides near the presses
-        by 8 to 81
+    catalogue : candidates of the contact law, the experiment's effects among them
     """
     evidence: list[float] = []
     beside: tuple = ()
     for experiment in experiments:
         if not evidence:
-            beside = _with_law(experiment, Catalogue(effects))
-        field = fit_map(replace(experiment, effects=beside), rough=True).field
+            beside = _with_law(experiment, catalogue)
+        try:
+            field = fit_map(replace(experiment, effects=beside), rough=True).field
+        except (InadmissibleError, SolverError):  # that body has no evidence
+            break
         assert field is not None
         evidence.append(field.log_evidence)
         if evidence[-1] < max(evidence):
             break
-    best = int(np.argmax(evidence))
-    return (best if evidence[best] > evidence[0] + clear else 0), evidence
+    return _clearly_best(evidence), evidence
+
+
+def _clearly_best(evidence: Sequence[float]) -> int:
+    """Return the number of the largest log evidence, 0 where the first is hardly smaller.
+
+    >>> _clearly_best([0.0, 1.0, 2.5, 2.0]), _clearly_best([0.0, 2.0, 4.0, 3.0]), _clearly_best([])
+    (0, 2, 0)
+    """
+    best = int(np.argmax(evidence)) if len(evidence) else 0
+    return best if best and evidence[best] > evidence[0] + CLEAR else 0
 
 
 def _with_law(experiment: PlacedExperiment, catalogue: Catalogue[Effect]) -> tuple:

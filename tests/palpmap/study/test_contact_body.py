@@ -235,6 +235,10 @@ def test_bodies_that_cannot_be_are_refused_in_a_sentence(tmp_path):
     for table, said in (
         ('shape = "from-contacts"', "thickness_m in m and no size_m"),
         ('shape = "block"\nsize_m = [1, 1, 1]\nthickness_m = 0.1', "only with shape"),
+        (
+            'shape = "from-contacts"\nthickness_m = 0.1\nmargin_assumed = true',
+            "margin_m, as margin_assumed is true",
+        ),
     ):
         file = tmp_path / "study.toml"
         file.write_text(

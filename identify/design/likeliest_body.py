@@ -13,8 +13,8 @@ from identify.optimize import InadmissibleError
 from identify.select import contact_law_of
 from models import Catalogue
 
-CLEAR = 3.0  # rise of the log evidence, odds of twenty: that of four measured scans was 0 to 1, of
-# saddles with sides near the presses 8 to 81
+CLEAR = 3.0  # rise of the log evidence, odds of twenty: that of two measured scans was 0 to 1, of
+# four saddles with sides near the presses 4 to 69; of eight bodies that slope to their base it fell
 
 
 def likeliest_body(

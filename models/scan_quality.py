@@ -277,24 +277,21 @@ def _repeated(scan: Scan) -> list[Doubt]:
 
 
 def _other_units(scan: Scan) -> list[Doubt]:
+    stiff, felt = too_stiff(scan), touching(scan)
+    strong = too_strong(felt.rows(~np.isin(felt.press, list(stiff))))
+    forces = (
+        ("force_unit", stiff, "about {:.0f} times those of the others at the same travel, as no "
+         "soft body shows; if these are millinewtons divide by 1000, else leave the presses out."),
+        ("lone_force", strong, "{:.1f} times those of any press beside it at the same travel, "
+         "nearer than a hard spot could hide; check zero and gain of the sensor there, or leave "
+         "the presses out."),
+    )  # fmt: skip
     found = []
-    if stiff := too_stiff(scan):
-        times = float(np.median(list(stiff.values())))
-        sentence = (
-            f"{_named(list(stiff), scan)}: forces about {times:.0f} times those of the others at "
-            "the same travel, as no soft body shows; if these are millinewtons divide by 1000, "
-            "else leave the presses out."
-        )
-        found.append(Doubt("force_unit", tuple(stiff), (), sentence))
-    felt = touching(scan)
-    if strong := too_strong(felt.rows(~np.isin(felt.press, list(stiff)))):
-        times = float(np.median(list(strong.values())))
-        sentence = (
-            f"{_named(list(strong), scan)}: forces {times:.1f} times those of any press beside it "
-            "at the same travel, nearer than a hard spot could hide; check zero and gain of the "
-            "sensor there, or leave the presses out."
-        )
-        found.append(Doubt("lone_force", tuple(strong), (), sentence))
+    for kind, larger, times in forces:
+        if larger:
+            said = times.format(np.median(list(larger.values())))
+            sentence = f"{_named(list(larger), scan)}: forces {said}"
+            found.append(Doubt(kind, tuple(larger), (), sentence))
     if slow := too_slow(scan):
         sentence = (
             f"A press lasts {slow[0]:.4g} s, its readings {slow[1]:.4g} s apart, by time_s: if "

@@ -111,8 +111,7 @@ class PalpationModel:
         self.close_cells = np.zeros(0, int)
         if near_field and contacts.profile != "nodal":
             surface, presses = PressedSurface(mesh), range(len(contacts))
-            # The quadrature runs outside the interpreter lock; each thread keeps some memory
-            with ThreadPoolExecutor(available_cores()) as pool:
+            with ThreadPoolExecutor(available_cores()) as pool:  # each thread keeps some memory
                 places = list(
                     pool.map(lambda j: neighbourhood(self.stiffness, surface, contacts, j), presses)
                 )

@@ -127,12 +127,8 @@ def aligned(recording: Recording, rig: Rig, said: list[str]) -> Aligned:
         said.append(_lag_words(lag, offset))
         lag_error_s = lag.error_s if lag else UNSEEN_S
     if rig.press.direction == TRAVEL:
-        touching = [
-            window.direction
-            for window, contact in zip(windows, contacts, strict=True)
-            if contact is not None
-        ]
-        stated = _common_direction(touching, said)
+        felt = zip(windows, contacts, strict=True)
+        stated = _common_direction([w.direction for w, contact in felt if contact], said)
     noise = float(noise_of_moving(pose.values[:, :3]).max())
     path = smooth_path(pose)
     return Aligned(

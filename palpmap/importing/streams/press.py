@@ -134,7 +134,8 @@ def cut_press(
     Parameters
     ----------
     force_gaps, pose_gaps : (g, 2) begin and end of pauses in the messages, s
-    limits_s : begin and end of each stretch at the sensor's limit, which the window is without, s
+    limits_s : begin and end of each stretch at the sensor's limit, s; the window is without it, and
+        the rows end there, as what the body did beyond is unknown
 
     Raises
     ------
@@ -171,7 +172,6 @@ def cut_press(
     above = np.flatnonzero(even_depth[: way_in.stop] < touch)
     first = int(above[-1]) + 1 if len(above) else contact.touch
     # A viscous body stays behind: the tip leaves it before it is back where it touched
-    # Nor does a scan know how deep the tip went on beyond the sensor's limit
     ends = [start for start, _ in limits_s if time[first] < start < time[felt_until]]
     stop = int(np.searchsorted(time, min(ends))) if ends else felt_until + 1
     if stop - first < FEWEST_FREE:

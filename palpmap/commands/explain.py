@@ -64,6 +64,7 @@ def run_explain(
                 on_iteration=task.advance,
                 on_step=on_step,
             )
+        kept = keep_inputs(why.experiment.study, experiment.scan, run.path)  # with the sides found
         files = {effect.name: path for effect, path in zip(own, effects, strict=True)}
         following = next_steps(why.record, why, why.problem, run.path, study)
         why.leave(run.path, kept, files)

@@ -19,6 +19,7 @@ from palpmap.result.next_step import after_fit
 from palpmap.results import FitResult
 from palpmap.run_files.fit_run import FitRun
 from palpmap.run_folder import RunFolder
+from palpmap.sides import with_sides
 from palpmap.study.kept_inputs import refuse_own_folder
 
 
@@ -113,6 +114,7 @@ def run_fit(
         for sentence in (*left_out, *(doubt.sentence for doubt in doubts[:SAID])):
             task.print(sentence, soft_wrap=True)
         experiment.opened(task.say, thin=False)  # what cannot be fitted leaves no run folder
+        experiment = with_sides(experiment, task.say)  # the folder keeps them
         with (
             RunFolder("fit", out, seed=seed, settings=settings, inputs=experiment.inputs) as run,
             FitRun(run.path, experiment, seed) as fit_run,

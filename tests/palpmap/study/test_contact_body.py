@@ -141,8 +141,13 @@ def test_sides_that_are_not_stated_are_found(tmp_path, margin_m, found):
     assert sides.study.body.margin_assumed
     assert with_sides(sides) is sides
     # A run folder keeps them
-    kept = keep_inputs(sides.study, scan, tmp_path)
-    assert load_study(tmp_path / "study.toml").body == kept.body
+    assert experiment.source is not None
+    done = CliRunner().invoke(
+        app, ["fit", str(experiment.source), "--out", str(tmp_path / "run"), "--quiet"]
+    )
+    assert done.exit_code == 0, done.output
+    kept = load_study(tmp_path / "run" / "study.toml").body
+    assert (kept.margin_m, kept.margin_assumed) == (sides.study.body.margin_m, True)
 
 
 @pytest.mark.slow

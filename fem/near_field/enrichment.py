@@ -40,14 +40,14 @@ from scipy.special import factorial
 from fem.contact.contacts import Contacts, PressedSurface, contact_frame, disc_quadrature
 from fem.contact.paraboloid import contact_shape
 from fem.linear.assembly import Stiffness, split_lame
-from fem.linear.modulus_samples import CLOSE_BASIS, CLOSE_RULE, PRODUCTS, by_sample
+from fem.linear.modulus_samples import CLOSE_BASIS, CLOSE_RULE, PRODUCTS
 from fem.linear.quadrature import monomials
 from fem.mesh.mesh import TET_EDGES, Mesh
-from fem.near_field.cells import SampleWeights, contributions
+from fem.near_field.cells import Terms, contributions
 from fem.near_field.moments import moments
 from fem.near_field.points import functions
 from fem.near_field.reuse import Shared, shared
-from fem.near_field.sums import CellIntegrals
+from fem.near_field.sums import CellIntegrals, pairs
 
 _REACH_RADII = 2.0  # cells are enriched whose centre lies within this many radii of the disc ...
 _REACH_CELLS = 1.0  # ... plus this many cell diameters
@@ -142,41 +142,59 @@ def enrich(
     near = [place.cells[np.isin(place.cells, close)] for place in places]
     far = [np.setdiff1d(place.cells, close, assume_unique=True) for place in places]
 
-    def of_far(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
-        own, energy, dilatation = _integrals(stiffness, places[j], far[j][which], profile, 1)
-        if stiffness.mean_lame > 0:
-            mean = _mean_parts(stiffness, far[j][which], dilatation)
-            own, energy = own + mean[0], energy + mean[1]
-        return _stored(own, energy)
+    terms = {degree: _terms(stiffness, degree) for degree in (1, 2)}
+    shape = _shape_slopes(stiffness)
 
-    def of_near(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
-        own, energy, dilatation = _integrals(stiffness, places[j], near[j][which], profile, 2)
-        if stiffness.mean_lame == 0:
-            return _stored(own, energy)
-        # The mean change of volume has the modulus of the cells' ordinary samples
-        mean = _mean_parts(stiffness, near[j][which], dilatation)
-        return *_stored(own, energy), *_stored(*mean)
+    def integrals(cells: Sequence[np.ndarray], degree: int, before: Shared | None) -> Shared:
+        def of_press(j: int, which: np.ndarray) -> tuple[np.ndarray, ...]:
+            own = cells[j][which]
+            stress, energy, dilatation = _integrals(
+                stiffness, places[j], own, shape[own], profile, degree, terms[degree]
+            )
+            if stiffness.mean_lame == 0:
+                return _stored(stress, energy)
+            # The mean change of volume has the modulus of the cells' ordinary samples
+            return *_stored(stress, energy), *_stored(*_mean_parts(stiffness, own, dilatation))
+
+        return over_all(places, stiffness.mesh, cells, of_press, before)
 
     before = (None, None) if known is None else known.computed
-    away = over_all(places, stiffness.mesh, far, of_far, before[0])
-    ordinary = [cell_integrals(far, away.rows, away.arrays)]
-    found = over_all(places, stiffness.mesh, near, of_near, before[1])
-    at_close = cell_integrals(near, found.rows, found.arrays[:2])
-    if stiffness.mean_lame > 0:
-        ordinary.append(cell_integrals(near, found.rows, found.arrays[2:]))
+    away, found = integrals(far, 1, before[0]), integrals(near, 2, before[1])
+
+    gradients = stiffness.gradients
+    by_sample, quadratic = ((t.basis, t.raised) for t in (terms[1], terms[2]))
+    ordinary = [cell_integrals(far, away.rows, away.arrays[:2], by_sample, gradients)]
+    at_close = cell_integrals(near, found.rows, found.arrays[:2], quadratic, gradients)
     at_close = at_close._replace(table=np.searchsorted(close, at_close.cells))
+    if stiffness.mean_lame > 0:
+        alike = stiffness.rule[1][:, None], np.zeros((1, 4), int)
+        ordinary += [
+            cell_integrals(cells, one.rows, one.arrays[2:], alike, gradients)
+            for cells, one in ((far, away), (near, found))
+        ]
     load = [_load(surface, contacts, j, places[j], nu, weights[j]) for j in range(len(places))]
     return Enrichment(np.array(load), tuple(ordinary), at_close, (away, found))
 
 
 def cell_integrals(
-    cells: Sequence[np.ndarray], rows: Sequence[np.ndarray], arrays: tuple[np.ndarray, ...]
+    cells: Sequence[np.ndarray],
+    rows: Sequence[np.ndarray],
+    arrays: tuple[np.ndarray, ...],
+    terms: tuple[np.ndarray, np.ndarray],
+    gradients: np.ndarray,
 ) -> CellIntegrals:
-    """Return integrals with the table of modulus samples by cell, from cells and rows by press."""
-    begin = np.cumsum([0, *map(len, cells)])
-    numbers, (coupling, energy) = np.concatenate(cells), arrays
-    coupling = coupling.astype(np.float32, copy=False)  # of no cells, too: one kernel is compiled
-    return CellIntegrals(begin, numbers, numbers, np.concatenate(rows), coupling, energy)
+    """Return integrals with the table of modulus samples by cell, from cells and rows by press.
+
+    `arrays` are stress and energy, `terms` basis and raised; these and `gradients`, see
+    `CellIntegrals`.
+    """
+    # Alike in all of them, as one kernel is compiled. Single precision: an error of 1e-7
+    stress, energy = (np.ascontiguousarray(array, np.float32) for array in arrays)
+    basis, raised = np.ascontiguousarray(terms[0], float), np.ascontiguousarray(terms[1], np.int32)
+    begin, numbers = np.cumsum([0, *map(len, cells)]), np.concatenate(cells)
+    return CellIntegrals(
+        begin, numbers, numbers, np.concatenate(rows), stress, energy, basis, raised, gradients
+    )
 
 
 def over_all(
@@ -193,17 +211,20 @@ def over_all(
     return shared(local, alike, np.array([place.radius for place in places]), compute, known)
 
 
-def _stored(coupling: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Single precision where it counts: half the memory, an error of 1e-7."""
-    return np.ascontiguousarray(coupling, np.float32), np.ascontiguousarray(energy)
+def _stored(stress: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Integrals as they are kept, see `CellIntegrals`."""
+    return np.ascontiguousarray(stress, np.float32), pairs(energy).astype(np.float32)
 
 
-def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, degree: int):
+def _integrals(
+    stiffness: Stiffness, place: Neighbourhood, cells, shape, profile: int, degree: int,
+    terms: Terms,
+):  # fmt: skip
     """Contributions of the functions in some cells, by sample of a modulus of that degree.
 
     Returns
     -------
-    coupling : (c, m, q, nodes, 3)
+    stress : (c, m, k, 6), see `fem.near_field.cells`
     energy : (c, m, m, q)
     dilatation : (c, m) mean change of each cell's volume
     """
@@ -213,37 +234,40 @@ def _integrals(stiffness: Stiffness, place: Neighbourhood, cells, profile: int, 
     volumes = stiffness.volumes[cells]
     vertices = place.local[mesh.cells[cells, :4]]
     strain, density = moments(vertices, place.shape, place.radius, nu, profile, degree)
-    coupling, energy = contributions(
-        field, stiffness.gradients[cells], volumes, strain, density,
-        _sample_weights(stiffness, degree), split_lame(nu)[:2], place.frame,
+    stress, energy = contributions(
+        field, shape, volumes, strain, density, terms, split_lame(nu)[:2], place.frame
     )  # fmt: skip
     counts = (monomials(degree + 1)[:, :, None] == np.arange(4)).sum(axis=1)
     often = factorial(degree + 1) / factorial(counts).prod(axis=1)  # in (sum lambda)^(degree + 1)
     dilatation = strain[:, :, :3].sum(axis=2) @ often / volumes[:, None]
     flat = 3 * field.shape[2]
     mean = stiffness.mean_gradients[cells].reshape(len(cells), flat, 1)
-    return coupling, energy, dilatation - (field.reshape(*field.shape[:2], flat) @ mean)[..., 0]
+    return stress, energy, dilatation - (field.reshape(*field.shape[:2], flat) @ mean)[..., 0]
 
 
-def _sample_weights(stiffness: Stiffness, degree: int) -> SampleWeights:
-    """Weights of the samples of a modulus of that degree."""
-    points, weights = stiffness.rule if degree == 1 else CLOSE_RULE
-    basis = sample_basis(stiffness) if degree == 1 else CLOSE_BASIS
-    raised = _raised(degree)[:, :, None] == np.arange(len(monomials(degree + 1)))  # (a, 4, k)
-    inner = np.einsum("p,pb,pd->bdp", weights, points, points)
-    inner = np.moveaxis(inner if degree == 1 else by_sample(inner), 2, 0)
-    exact = np.tensordot(basis, raised, 1)
-    return SampleWeights(
-        linear_derivatives(stiffness.mesh.order), basis, exact, np.ascontiguousarray(inner)
-    )
+def _terms(stiffness: Stiffness, degree: int) -> Terms:
+    """Terms of a modulus of that degree: its samples, or where it is quadratic its monomials."""
+    raised, products = _raised(degree), monomials(degree + 1)
+    if degree == 2:
+        points, weights = CLOSE_RULE
+        interpolant = np.einsum("p,pk,pb->kb", weights, points[:, products].prod(axis=2), points)
+        return Terms(CLOSE_BASIS, raised, np.eye(len(products)), interpolant, np.eye(len(raised)))
+    # The stiffness matrix's own quadrature does not integrate a stress of the interpolant exactly
+    points, weights = stiffness.rule
+    interpolant = np.einsum("q,qb,qd->qbd", weights, points, points).reshape(-1, 4)
+    basis, samples = sample_basis(stiffness), len(weights)
+    exact = np.tensordot(basis, raised[:, :, None] == np.arange(len(products)), 1)
+    own = np.arange(4 * samples).reshape(samples, 4)
+    return Terms(np.eye(samples), own, exact.reshape(len(interpolant), -1), interpolant, basis)
 
 
 def _mean_parts(stiffness: Stiffness, cells, dilatation):
-    """Coupling and energy of each cell's mean change of volume (c, m)."""
-    share = stiffness.mean_lame * stiffness.volumes[cells, None] * stiffness.rule[1]
-    gradients = stiffness.mean_gradients[cells]
-    coupling = np.einsum("cq,cm,cia->cmqia", share, dilatation, gradients, optimize=True)
-    return coupling, np.einsum("cq,cm,cl->cmlq", share, dilatation, dilatation, optimize=True)
+    """Stress (c, m, 1, 6) and energy of each cell's mean change of volume (c, m)."""
+    stress = np.zeros((*dilatation.shape, 1, 6))
+    whole = stiffness.mean_lame * stiffness.volumes[cells, None] * dilatation
+    stress[..., 0, :3] = whole[..., None] / 4  # of each of the four lambda_b
+    energy = whole[:, :, None, None] * dilatation[:, None, :, None] * stiffness.rule[1]
+    return stress, energy
 
 
 def _load(surface, contacts: Contacts, j: int, place: Neighbourhood, nu: float, weights):
@@ -264,6 +288,13 @@ def sample_basis(stiffness: Stiffness) -> np.ndarray:
     """Matrix (q, 4) that gives each modulus sample's weight in E(x) = sum_q E_q (T lambda)_q."""
     points = stiffness.rule[0]
     return np.ones((1, 4)) if len(points) == 1 else np.linalg.inv(points).T
+
+
+def _shape_slopes(stiffness: Stiffness) -> np.ndarray:
+    """Gradients (e, 12, nodes) of the shape functions, by axis and lambda_b."""
+    derivatives = linear_derivatives(stiffness.mesh.order)
+    by_cell = stiffness.gradients.swapaxes(1, 2) @ derivatives.transpose(1, 2, 0).reshape(4, -1)
+    return by_cell.reshape(len(by_cell), 12, len(derivatives))
 
 
 def linear_derivatives(order: int) -> np.ndarray:

@@ -26,6 +26,7 @@ import numpy as np
 from fem.contact.contacts import Contacts, PressedSurface
 from fem.errors import MeshError
 from fem.linear.assembly import Stiffness
+from fem.near_field.cells import AXES
 from fem.near_field.enrichment import (
     Neighbourhood,
     cell_integrals,
@@ -37,7 +38,7 @@ from fem.near_field.enrichment import (
     square,
 )
 from fem.near_field.moments import pair_moments
-from fem.near_field.sums import CellIntegrals
+from fem.near_field.sums import CellIntegrals, pairs
 
 #: The pairs of (e_11, e_22, 2 e_12) whose products `Response.fibre_moments` integrates.
 PAIRS = np.array([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)])
@@ -180,13 +181,13 @@ class FibrePlane:
         projection = in_plane_projection(self.plane @ direction)
         energy = np.einsum("s,t,nmsltq->nmlq", projection, projection, parts.products,
                            optimize=True)  # fmt: skip
-        _, first = np.unique(np.concatenate(parts.rows), return_index=True)
-        cells = np.concatenate(parts.cells)[first]  # one of each kind
-        along = self.stiffness.gradients[cells] @ direction
-        coupling = np.einsum("s,nmsqb,ivb,nv,a->nmqia", projection, parts.mixed,
-                             self._derivatives, along, direction, optimize=True)  # fmt: skip
-        integrals = np.ascontiguousarray(coupling), np.ascontiguousarray(energy)
-        return cell_integrals(parts.cells, parts.rows, integrals)
+        along = np.prod(direction[AXES], axis=1)
+        stress = np.einsum("s,nmsqb,a->nmqba", projection, parts.mixed, along, optimize=True)
+        kinds, count, samples = stress.shape[:3]
+        integrals = stress.reshape(kinds, count, 4 * samples, 6), pairs(energy)
+        terms = np.eye(samples), np.arange(4 * samples).reshape(samples, 4)
+        gradients = self.stiffness.gradients
+        return cell_integrals(parts.cells, parts.rows, integrals, terms, gradients)
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)

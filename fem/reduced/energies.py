@@ -51,12 +51,9 @@ class Strains(NamedTuple):
             for i, nodes in enumerate(mesh.cells.T):
                 means = stiffness.mean_gradients[:, i]
                 dilatation += np.einsum("ea,eaj->ej", means, by_node[nodes])
-        by_press, works = np.ascontiguousarray(nodal), []
-        for part in _near_parts(model):
-            work = np.empty((len(part.cells), *part.coupling.shape[1:3]))
-            _works(work, by_press, mesh.cells, part.begin, part.cells, part.rows, part.coupling)
-            works.append(work)
-        return cls(cells, dilatation, response.amplitude, tuple(works))
+        by_press = np.ascontiguousarray(nodal)
+        works = tuple(part.works(mesh.cells, by_press) for part in _near_parts(model))
+        return cls(cells, dilatation, response.amplitude, works)
 
 
 def _near_parts(model: PalpationModel) -> tuple[CellIntegrals, ...]:
@@ -177,27 +174,6 @@ def _mixed_close(out, first, second, close, volumes, table, lam, mu):
 
 
 @numba.njit(cache=True, fastmath=True, parallel=True)
-def _works(out, fields, nodes, begin, cells, rows, coupling):
-    """Write to out (t, m, q) the products of the functions' k with fields (j, n, 3)."""
-    kinds, count, samples, corners, _ = coupling.shape
-    size = 3 * corners
-    flat = coupling.reshape(kinds, count, samples, size)
-    for j in numba.prange(len(fields)):
-        local = np.empty(size)
-        for t in range(begin[j], begin[j + 1]):
-            own_nodes = nodes[cells[t]]
-            for k in range(corners):
-                for a in range(3):
-                    local[3 * k + a] = fields[j, own_nodes[k], a]
-            for m in range(count):
-                for q in range(samples):
-                    total = 0.0
-                    for a in range(size):
-                        total += flat[rows[t], m, q, a] * local[a]
-                    out[t, m, q] = total
-
-
-@numba.njit(cache=True, fastmath=True, parallel=True)
 def _add_near(samples, first, second, work, other, begin, table, rows, energies):
     """Add to samples (rows, q, j) what near fields of amplitudes (j, m) have part in."""
     for j in numba.prange(len(first)):
@@ -207,7 +183,8 @@ def _add_near(samples, first, second, work, other, begin, table, rows, energies)
                 for m in range(first.shape[1]):
                     own = other[t, m, q]
                     for n in range(first.shape[1]):
-                        own += second[j, n] * energies[rows[t], m, n, q]
+                        pair = max(m, n) * (max(m, n) + 1) // 2 + min(m, n)
+                        own += second[j, n] * energies[rows[t], pair, q]
                     value += first[j, m] * own + second[j, m] * work[t, m, q]
                 samples[table[t], q, j] += value
 

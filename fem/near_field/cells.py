@@ -70,8 +70,9 @@ def contributions(
     def in_interpolants(moments: np.ndarray) -> np.ndarray:
         """Energies (c, m, m, a) of stresses by moments (c, m, 6, k) in the interpolants."""
         parts = moments[..., terms.raised].transpose(0, 1, 3, 2, 4)
-        both = parts.reshape(cells, -1, 24) @ work
-        return both.reshape(cells, count, -1, count).swapaxes(2, 3)
+        number = len(terms.raised)
+        both = parts.reshape(cells, count * number, 24) @ work
+        return both.reshape(cells, count, number, count).swapaxes(2, 3)
 
     rough = bent @ terms.interpolant.T
     stress = _stress(_turn(frame).T @ strain, lame) @ terms.exact.T - rough

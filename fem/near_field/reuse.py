@@ -15,8 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fem.solve.threads import available_cores
-
 _ALIKE = 1e-8  # of the tip's radius: nodes closer than this are at the same place
 
 
@@ -63,8 +61,7 @@ def shared(
     busy = np.unique(press) if len(press) else np.zeros(1, int)
     own = [first[order][press == j] - begin[j] for j in busy]
     every: tuple[np.ndarray, ...] = ()  # by key, as they are looked up
-    # The quadrature runs outside the interpreter lock; each thread keeps some memory
-    with ThreadPoolExecutor(available_cores()) as pool:
+    with ThreadPoolExecutor() as pool:  # the quadrature runs outside the interpreter lock
         # Each press's part is put in its place and freed: all of them take as much memory again
         for j, part in zip(busy, pool.map(compute, busy, own), strict=True):
             every = every or tuple(np.empty((len(first), *a.shape[1:]), a.dtype) for a in part)

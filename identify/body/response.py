@@ -63,13 +63,18 @@ class BodyResponse:
     @cached_property
     def by_map(self) -> np.ndarray:
         """Derivative of the compliance by the map's parameters, in their units, (j, k)."""
+        by_map, trend = self._log_by_map, self._mechanics.correction.trend
+        if trend is not None and trend.follows(self._map):
+            by_map = by_map + trend.by_map(self._map)
+        return self.compliance[:, None] * by_map
+
+    @cached_property
+    def _log_by_map(self) -> np.ndarray:
+        """Derivative (j, k) of the logarithm of the finite elements' own compliance."""
         points = self._mechanics.coarse.points_m
         gradient = ChangedMap(self._map, self._state).gradient(points)
-        by_map = self._scale[:, None] * _gradient(self._near, gradient, self._state)
-        trend = self._mechanics.correction.trend
-        if trend is not None and trend.follows(self._map):
-            by_map += self.compliance[:, None] * trend.by_map(self._map)
-        return by_map
+        own = _gradient(self._near, gradient, self._state)
+        return (self._scale / self.compliance)[:, None] * own
 
     @cached_property
     def growth(self) -> np.ndarray | None:
@@ -95,8 +100,9 @@ class BodyResponse:
         """Derivative of `growth` by the map's parameters, (j, k)."""
         assert self._narrower is not None
         log_e = self.local_by_map / self.local_modulus[:, None]
-        log_c, log_narrow = (r.by_map / r.compliance[:, None] for r in (self, self._narrower))
-        return self._by_levels(-log_e - log_c, -log_e - log_narrow)
+        # Without the correction: the levels are of the finite elements' own compliances, and their
+        # small difference is taken tenfold
+        return self._by_levels(-log_e - self._log_by_map, -log_e - self._narrower._log_by_map)
 
     def growth_change(self, state: BodyState) -> np.ndarray:
         """First-order change (j,) of `growth` to a state nearby."""
@@ -107,7 +113,7 @@ class BodyResponse:
             for s in (self._state, narrow._state)
         )
         by_own, e = self.change(here)
-        log_e, log_c = e / self.local_modulus, by_own / self.compliance
+        log_e, log_c = e / self.local_modulus, by_own / self.compliance - self._by_support(here)[1]
         log_narrow = narrow.change(there)[0] / narrow.compliance
         return self._by_levels(-log_e - log_c, -log_e - log_narrow)
 
@@ -165,18 +171,22 @@ class BodyResponse:
             before = 1 - self._state.rigid_tip_share * correction.tip.gain
             change -= step * correction.tip.gain / before * self.compliance
         old = self._state
-        by_base = np.subtract(state.base_m_per_pa, old.base_m_per_pa)
-        if by_base.any():
-            by_support = self._scale * (self._near.support_sensitivity @ by_base)
-            change += by_support
-            if correction.support is not None:
-                change += self.compliance * correction.support.of(by_support / self.compliance)
+        change += self.compliance * sum(self._by_support(state))
         fibres = fibres_of(state) - fibres_of(old)
         if fibres.any():
             change -= self._scale * (self._fibre_moments @ fibres)
         if _skin(state) != _skin(old):
             change += self._scale * self._by_skin(old, state)
         return change, local
+
+    def _by_support(self, state: BodyState) -> tuple[np.ndarray | float, np.ndarray | float]:
+        """Return changes (j,) of ln C by another support: the elements' own, and its correction."""
+        by_base = np.subtract(state.base_m_per_pa, self._state.base_m_per_pa)
+        if not by_base.any():
+            return 0.0, 0.0
+        own = self._scale / self.compliance * (self._near.support_sensitivity @ by_base)
+        support = self._mechanics.correction.support
+        return own, 0.0 if support is None else support.of(own)
 
     def exact_change(self, state: BodyState, slack: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """Change of compliance (j,) and local modulus (j,) to any state, by another solution.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fem import PalpationModel, RefinedModel, block_mesh
+from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from fem.palpation import by_contact_radius
 from identify.body.mechanics import BodyMechanics
 from identify.fit.start_map import fit_map
@@ -62,6 +62,32 @@ def test_two_balls_agree_on_the_modulus_within_its_interval():
     assert (growth < -1.05).all()  # the layer makes larger contacts stiffer
     lines = fit_map(experiment, rough=True)
     assert lines.chi2_per_dof > 10 * fit.chi2_per_dof
+
+
+def test_a_correction_to_a_finer_mesh_leaves_the_derivative_of_the_growth():
+    points, down = (
+        np.array([[0.02, 0.02, 0.016], [0.02, 0.03, 0.016]]),
+        np.tile([0, 0, -1.0], (2, 1)),
+    )
+    contacts = Contacts(points, down, 2e-3, "hertz")
+    coarse, finer = (
+        PalpationModel(block_mesh(SIZE, cells), NU, contacts) for cells in ((6, 6, 2), (8, 8, 3))
+    )
+    mechanics = BodyMechanics.of(coarse, finer).following_growth()
+    state, stiffness = mechanics.state(), GaussianMap.from_values(LUMP)
+    mechanics = mechanics.corrected(stiffness, state)
+    trend = mechanics.correction.trend
+    assert trend is not None
+    assert np.abs(trend.by_map(stiffness) * LUMP).max() > 0.01
+    body = mechanics.evaluate(stiffness, state)
+    for k, value in enumerate(LUMP):
+        step = 1e-4 * value * np.eye(6)[k]
+        up, down = (
+            mechanics.evaluate(GaussianMap.from_values(LUMP + s), state).growth
+            for s in (step, -step)
+        )
+        quotient = (up - down) / (2 * step[k])
+        assert_allclose(body.growth_by_map[:, k], quotient, rtol=1e-3, atol=1e-4 / value)
 
 
 @pytest.mark.slow

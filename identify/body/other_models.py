@@ -58,15 +58,20 @@ class OtherModels(CoarseSolutions):
         nu: float,
         slack: float = 0.0,
     ) -> np.ndarray:
-        """Logarithm (j,) of the compliance at another Poisson's ratio over that at the own."""
+        """Logarithm (j,) of the compliance at another Poisson's ratio over that at the own.
+
+        It is a parabola through the own ratio and the two with a model on both sides of `nu`.
+        """
         if not -1 < nu < 0.5:
             raise InadmissibleError(f"Poisson's ratio must lie between -1 and 0.5, not {nu:.4g}")
         nodes = np.array(self.settings.poisson_ratios)
         others = nodes[np.abs(nodes - self.poisson_ratio) > 1e-6]
-        nearest = others[np.argsort(np.abs(others - nu))[:2]]
-        weights = lagrange_weights(nu, np.array([self.poisson_ratio, *nearest]))[1:]
+        # With the two nearest it would have a kink at the own ratio, where effects are tested
+        above = int(np.clip(np.searchsorted(others, nu), 1, len(others) - 1))
+        beside = others[above - 1 : above + 1]
+        weights = lagrange_weights(nu, np.array([self.poisson_ratio, *beside]))[1:]
         log = np.zeros(len(self.coarse.contacts))
-        for node, weight in zip(nearest.tolist(), weights.tolist(), strict=True):
+        for node, weight in zip(beside.tolist(), weights.tolist(), strict=True):
             if abs(weight) > 1e-9:  # else the ratio is that of the other node
                 log += weight * self._log_ratio(
                     node, lambda node=node: self._other(node), stiffness, state, slack

@@ -251,13 +251,14 @@ class BodyResponse:
         return there - here
 
     def _by_poisson_ratio(self) -> np.ndarray:
-        """Difference quotient towards the compressible side, (j,)."""
-        nu = self._state.poisson_ratio
-        step = self._mechanics.settings.poisson_step
-        factor = self._mechanics.poisson_factor
-        other = factor(self._map, self._state, nu - step, self._slack)
-        here = factor(self._map, self._state, nu, self._slack)
-        return self.compliance * (1 - other / here) / step
+        """Difference quotient to both sides, (j,)."""
+        nu, own = self._state.poisson_ratio, self._mechanics
+        step = min(own.settings.poisson_step, (0.5 - nu) / 2)
+        more, less, here = (
+            own.poisson_factor(self._map, self._state, ratio, self._slack)
+            for ratio in (nu + step, nu - step, nu)
+        )
+        return self.compliance * (more - less) / here / (2 * step)
 
 
 def _gradient(

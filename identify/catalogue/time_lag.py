@@ -1,6 +1,7 @@
 """Two channels with different delays: force and displacement do not belong to one instant."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -69,13 +70,15 @@ def longest_lag_s(readings: Readings, most_s: float) -> float:
     return most_s if readings.time_s is None else min(most_s, _LONGEST * readings.press_length_s)
 
 
+@lru_cache(maxsize=4)
 def growth_over(readings: Readings, lag_s: float, filter_s: float = 0.0) -> np.ndarray:
     """Return the growth (m,) of the read force within a lag, from smooth courses of each phase.
 
     The force has its corner between two phases a lag later than the displacement, mostly between
     two readings: each phase's course goes on to its own corner. A local line through several
     readings passes on hardly any of their noise. It is a line through the readings as they are, not
-    the latent force, so that each row depends on its own force alone.
+    the latent force, so that each row depends on its own force alone, and the last growths are
+    kept: read-only.
 
     Parameters
     ----------
@@ -112,6 +115,7 @@ def growth_over(readings: Readings, lag_s: float, filter_s: float = 0.0) -> np.n
             course = lines(force - coming)
     growth = course.at(run, place, within + lag_s) - course.at(felt, place, within) - coming
     _end_softly(growth, course, readings, within, lag_s)
+    growth.setflags(write=False)
     return growth
 
 

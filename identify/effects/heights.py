@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -71,8 +72,11 @@ def heights(readings: Readings, most: int, sizes_m: Sequence[float]) -> np.ndarr
 
     Places are shares of the scan's half width, along its two widest directions.
     """
-    table = np.zeros((most + 1, most + 1))
-    for (i, j), size in zip(degrees(most), sizes_m, strict=True):
-        table[i, j] = size
-    x, y = readings.in_plane.T
-    return legendre.legval2d(x, y, table)
+    return _terms(readings, most) @ np.asarray(sizes_m)
+
+
+@lru_cache(maxsize=4)
+def _terms(readings: Readings, most: int) -> np.ndarray:
+    """Terms (m, t) of a height of 1 at the readings; kept, as a search asks for them again."""
+    along_x, along_y = (legendre.legvander(x, most) for x in readings.in_plane.T)
+    return np.column_stack([along_x[:, i] * along_y[:, j] for i, j in degrees(most)])

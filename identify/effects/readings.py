@@ -43,9 +43,9 @@ class Scales:
     across: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Readings:
-    """The m used rows of a scan of j presses; read-only arrays.
+    """The m used rows of a scan of j presses; read-only arrays. Each is a key of what it leads to.
 
     Attributes
     ----------

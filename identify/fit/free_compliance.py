@@ -29,8 +29,10 @@ from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
 from identify.measurement.chain import Chain, Judged, OperatingPoint, judge
 from identify.measurement.effect_in_model import EffectInModel, effect_values
+from identify.measurement.kept_slope import KeptSlope
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import decorrelated, lag_error_m
+from identify.measurement.traced_chain import TracedChain
 from identify.optimize.gauss_newton import minimize_gauss_newton
 from identify.optimize.result import InadmissibleError
 
@@ -208,12 +210,15 @@ class FreeCompliance:
         log_c = np.where(self.felt, log_c, usual)
         kept, least, last = log_c, np.full(presses, np.inf), np.zeros(presses)
         count = np.maximum(np.bincount(press, minlength=presses), 1)
+        slope_of = KeptSlope(chain)
         for number in range(self.settings.compliance_steps + 1):
             if number == self.settings.compliance_steps:
                 log_c = kept
             c = np.exp(log_c)
             e = self.unit_compliance / c
-            judged = judge(chain, c, e, self.displacement_m, self.noise, values, latent)
+            judged = judge(
+                chain, c, e, self.displacement_m, self.noise, values, latent, slope_of
+            )
             latent = judged.latent_force_n
             r = self._white(judged, judged.residual_m)
             own = self._white(judged, chain.by_log_compliance(OperatingPoint(c, e, latent, values)))
@@ -265,14 +270,15 @@ class FreeCompliance:
         latent: np.ndarray,
     ) -> np.ndarray:
         """Difference quotients (m, q) of the prediction by the scaled parameters."""
-        found = np.empty((len(latent), len(u)))
-        for k in range(len(u)):
+        at = OperatingPoint(c, e, latent, effect_values(parts, u))
+        traced, found = TracedChain(chain, at), np.empty((len(latent), len(u)))
+        owner = [part.effect.name for part in parts for _ in part.parameters]
+        for k, name in enumerate(owner):
             sides = []
             for sign in (1.0, -1.0):
                 moved = u.copy()
                 moved[k] += sign * _STEP
-                at = OperatingPoint(c, e, latent, effect_values(parts, moved))
-                sides.append(chain.predict(at))
+                sides.append(traced.with_values(name, effect_values(parts, moved)[name]))
             found[:, k] = (sides[0] - sides[1]) / (2 * _STEP)
         return found
 

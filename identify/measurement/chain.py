@@ -96,11 +96,15 @@ class Chain:
 
     def predict(self, at: OperatingPoint) -> np.ndarray:
         """Displacement (m,)."""
-        force_n = at.force_n
-        for effect in self._forces:
-            force_n = effect.force(self.readings, force_n, **at.values[effect.name])
+        force_n = self._acting(at.force_n, at.values)
         acting = at._replace(force_n=force_n)
         return self._beyond(force_n, self._from_touch(acting), at.values)
+
+    def _acting(self, force_n: np.ndarray, values: Mapping[str, Values]) -> np.ndarray:
+        """Forces (m,) that act on the body, by those that the sensor reads."""
+        for effect in self._forces:
+            force_n = effect.force(self.readings, force_n, **values[effect.name])
+        return force_n
 
     def _from_touch(self, at: OperatingPoint) -> np.ndarray:
         """Elastic travel (m,) under the acting forces (m,), counted from the touch."""
@@ -176,25 +180,43 @@ class Chain:
         return slope
 
     def _changed(self, at: OperatingPoint, step_n: float) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the prediction by changes (m,) of the forces of one step up, down or none.
+        """Return the prediction by small changes (m,) of the forces.
 
-        The elastic travel has no memory: beside responses it is found once for each of the three.
+        The elastic travel has no memory: it goes along its slope, found once for all changes.
         """
-        if self._forces or not self._responses:
+        if not self.feels_others:
             return lambda change: self.predict(at._replace(force_n=at.force_n + change))
-        down, here, up = (
-            self._from_touch(at._replace(force_n=at.force_n + step))
-            for step in (-step_n, 0.0, step_n)
+        acting_n = self._acting(at.force_n, at.values)
+        here = self._from_touch(at._replace(force_n=acting_n))
+        slope = self._elastic_slope(at._replace(force_n=acting_n), step_n)
+
+        def changed(change: np.ndarray) -> np.ndarray:
+            force_n = self._acting(at.force_n + change, at.values)
+            return self._beyond(force_n, here + slope * (force_n - acting_n), at.values)
+
+        return changed
+
+    def _elastic_slope(self, acting: OperatingPoint, step_n: float) -> np.ndarray:
+        """Derivative (m,) of the elastic travel by its own acting force, m/N."""
+        up, down = (self._elastic(acting._replace(force_n=acting.force_n + step))
+                    for step in (step_n, -step_n))  # fmt: skip
+        return (up - down) / (2 * step_n)
+
+    def elastic_slope(self, at: OperatingPoint) -> np.ndarray:
+        """Derivative (m,) of the elastic travel by the acting force of each reading, m/N."""
+        step = _STEP * max(float(np.abs(at.force_n).max()), 1e-12)
+        return self._elastic_slope(
+            at._replace(force_n=self._acting(at.force_n, at.values)), step
         )
-        return lambda change: self._beyond(
-            at.force_n + change,
-            np.where(change > 0, up, np.where(change < 0, down, here)),
-            at.values,
-        )
+
+    @property
+    def feels_others(self) -> bool:
+        """Whether a link may let a reading feel the forces of others."""
+        return bool(self._responses or self._forces)
 
     def _remembers(self, changed: Callable[[np.ndarray], np.ndarray], step_n: float) -> bool:
         """Return whether any reading feels the force of another one."""
-        if not (self._responses or self._forces) or len(self.readings.layers) == 1:
+        if not self.feels_others or len(self.readings.layers) == 1:
             return False
         rows = np.concatenate(self.readings.layers[::2])
         change = np.zeros(len(self.readings))
@@ -261,6 +283,7 @@ def judge(
     noise: Noise,
     values: Mapping[str, Values],
     latent_n: np.ndarray | None = None,
+    slope_of: Callable[[OperatingPoint], np.ndarray] | None = None,
     settings: LatentForceSettings = LATENT_FORCE,
 ) -> Judged:
     """Compare a chain with the readings: errors in both columns.
@@ -269,15 +292,16 @@ def judge(
     the measured one, in a few rounds: under a ball the slope at a small force differs much from the
     slope at that force with its noise. Source: Fuller, "Measurement Error Models", 3.2.
 
-    `latent_n` (m,) is the latent force of a chain nearby, from which fewer rounds are needed.
+    `latent_n` (m,) is the latent force of a chain nearby, from which fewer rounds are needed;
+    `slope_of` gives slopes of travel over force, where some are known (`KeptSlope`).
     """
-    force = chain.readings.force_n
+    force, slope_of = chain.readings.force_n, slope_of or chain.by_force
     most = settings.steepest * compliance[chain.readings.press]
     at = force if latent_n is None or not chain.nonlinear else latent_n
     last = moved = np.zeros(len(force))
     for _ in range(settings.rounds if chain.nonlinear else 1):
         point = OperatingPoint(compliance, modulus, at, values)
-        slope = np.clip(chain.by_force(point), -most, most)
+        slope = np.clip(slope_of(point), -most, most)
         predicted = chain.predict(point) + slope * (force - at)
         residual = displacement_m - predicted
         sigma, latent = latent_force(residual, slope, force, noise)

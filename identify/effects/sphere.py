@@ -33,6 +33,7 @@ Sources: I. N. Sneddon, Int. J. Eng. Sci. 3 (1965) 47; K. L. Johnson, Contact Me
 """
 
 from functools import cache
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -50,8 +51,23 @@ _ROUNDS, _SETTLED = 15, 1e-5  # steps towards the radius, and the last one's log
 _SERIES = 0.02  # contact radius, of the ball's, below which the gap is a series
 
 
-def ball_travel(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> np.ndarray:
-    """Travel (m,) of a ball of the probe's radius, m.
+class ElasticTravel(NamedTuple):
+    """Elastic travel of a tip, and how it changes.
+
+    Attributes
+    ----------
+    travel_m : (m,)
+    by_force : (m,) its derivative by the force, m/N
+    by_log_compliance : (m,) by ln C of a body that is softer everywhere alike (E ~ 1/C), m
+    """
+
+    travel_m: np.ndarray
+    by_force: np.ndarray
+    by_log_compliance: np.ndarray
+
+
+def ball_travel(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> ElasticTravel:
+    """Travel of a ball of the probe's radius.
 
     Through no force it is smooth: d(s) F/s with s the force beside a hundredth of the largest.
     """
@@ -67,21 +83,26 @@ def ball_travel(readings: Readings, pressing: Pressing, force_n: np.ndarray) -> 
     first, bent = (level - bent) / unit, bent / unit**2
     smooth = np.hypot(force_n, _SMOOTH * np.maximum(readings.peak_force_n, 1e-9))
     law = np.array(np.broadcast_arrays(smooth, plane, ball, curvature, first, bent), order="F")
-    return _travels(law) * force_n / smooth
+    deep, steep = _travels(law)
+    share = force_n / smooth
+    by_force = steep * share**2 + deep / smooth * (1 - share**2)
+    return ElasticTravel(deep * share, by_force, steep * force_n)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", parallel=True)
 def _travels(law):
-    """Travel (m,) m under forces, by the rows of `law`: see `_travel`."""
-    travel = np.empty(law.shape[1])
+    """Travel (m,) m under forces and its slope (m,) m/N, by the rows of `law`: see `_travel`."""
+    travel, slope = np.empty(law.shape[1]), np.empty(law.shape[1])
     for i in numba.prange(law.shape[1]):
-        travel[i] = _travel(law[0, i], law[1, i], law[2, i], law[3, i], law[4, i], law[5, i])
-    return travel
+        travel[i], slope[i] = _travel(
+            law[0, i], law[1, i], law[2, i], law[3, i], law[4, i], law[5, i]
+        )
+    return travel, slope
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _travel(force, plane, ball, curvature, first, bent):
-    """Travel of a ball under a positive force.
+    """Travel of a ball under a positive force, and its slope by the force.
 
     A punch is as stiff as 2 `plane` a exp(`first` a + `bent` a^2). At the true radius the travel is
     stationary: an error of it counts by its square. Near the equator, where the contact has ended,
@@ -91,6 +112,7 @@ def _travel(force, plane, ball, curvature, first, bent):
     hertz = np.cbrt(0.75 * force * ball / plane / (1 + curvature))
     log_a = np.log(min(hertz, 0.9 * ball))
     low, high = -np.inf, end  # between which the force is reached
+    steep = 1.0
     for _ in range(_ROUNDS):
         found, steep = _under(np.exp(log_a), plane, ball, curvature, first, bent)
         step = np.log(force / found) / steep
@@ -105,8 +127,13 @@ def _travel(force, plane, ball, curvature, first, bent):
         if moved < _SETTLED:
             break
     a = np.exp(log_a)
-    sunk = force / (2 * plane * a * np.exp(a * (first + bent * a)))
-    return sunk + ball * _gap(a / ball) + curvature * a**2 / (3 * ball)
+    stiffness = 2 * plane * a * np.exp(a * (first + bent * a))
+    travel = force / stiffness + ball * _gap(a / ball) + curvature * a**2 / (3 * ball)
+    slope, grown = 1 / stiffness, 1 + a * (first + 2 * bent * a)
+    if grown < _STIFFENS and log_a < end:  # there the travel is not stationary
+        gap = _gap_slopes(a / ball)[0] + 2 / 3 * curvature * a / ball
+        slope += (gap - force / stiffness * grown / a) * a / (force * steep)
+    return travel, slope
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -27,8 +27,9 @@ from identify.effects.base import Effect, Values
 from identify.effects.readings import Readings
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
-from identify.measurement.chain import Chain, Judged, OperatingPoint, judge
+from identify.measurement.chain import Chain, OperatingPoint
 from identify.measurement.effect_in_model import EffectInModel, effect_values
+from identify.measurement.judge import Judged, judge
 from identify.measurement.kept_slope import KeptSlope
 from identify.measurement.noise import Noise
 from identify.measurement.shared_error import decorrelated, lag_error_m
@@ -216,9 +217,7 @@ class FreeCompliance:
                 log_c = kept
             c = np.exp(log_c)
             e = self.unit_compliance / c
-            judged = judge(
-                chain, c, e, self.displacement_m, self.noise, values, latent, slope_of
-            )
+            judged = judge(chain, c, e, self.displacement_m, self.noise, values, latent, slope_of)
             latent = judged.latent_force_n
             r = self._white(judged, judged.residual_m)
             own = self._white(judged, chain.by_log_compliance(OperatingPoint(c, e, latent, values)))

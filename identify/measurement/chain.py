@@ -15,13 +15,12 @@ import numpy as np
 
 from identify.effects.base import Effect, Hook, Pressing, Values
 from identify.effects.readings import Readings
-from identify.effects.sphere import ball_travel
-from identify.measurement.noise import Noise
-from identify.measurement.settings import LATENT_FORCE, LatentForceSettings
+from identify.effects.sphere import ElasticTravel, ball_travel
 
 _STEP = 1e-4  # of compliance, local modulus and typical sizes, for difference quotients
 _PREDICTIONS = 24 * 24  # readings of a press times changes of the force, in a chain with a memory
 _TOUCHED = 8  # travels up to the touch that are kept
+_BALLS = 2  # travels of a ball that are kept
 _HOOKS: dict[str, Hook] = {
     "_forces": "force",
     "_contacts": "contact",
@@ -80,6 +79,9 @@ class Chain:
     _touched: dict[Any, np.ndarray] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
+    _balls: dict[Any, ElasticTravel] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         acting = sorted(self.effects, key=attrgetter("order"))
@@ -101,14 +103,17 @@ class Chain:
         return self._beyond(force_n, self._from_touch(acting), at.values)
 
     def _acting(self, force_n: np.ndarray, values: Mapping[str, Values]) -> np.ndarray:
-        """Forces (m,) that act on the body, by those that the sensor reads."""
+        """Return the forces (m,) that act on the body, by those that the sensor reads."""
         for effect in self._forces:
             force_n = effect.force(self.readings, force_n, **values[effect.name])
         return force_n
 
     def _from_touch(self, at: OperatingPoint) -> np.ndarray:
         """Elastic travel (m,) under the acting forces (m,), counted from the touch."""
-        travel = self._elastic(at)
+        return self._since_touch(at, self._elastic(at))
+
+    def _since_touch(self, at: OperatingPoint, travel: np.ndarray) -> np.ndarray:
+        """Elastic travel (m,), counted from the touch."""
         own = at.values
         touch = sum(effect.touch(self.readings, **own[effect.name]) for effect in self._touches)
         return travel - self._up_to(touch, at) if touch else travel
@@ -142,18 +147,40 @@ class Chain:
 
     def _elastic(self, at: OperatingPoint) -> np.ndarray:
         """Elastic travel (m,) of the tip under the acting forces (m,)."""
-        r, ball = self.readings, self.profile == "hertz"
-        compliance, force_n = at.compliance[r.press], at.force_n
-        if not self.nonlinear:
-            return compliance * force_n
+        return self._contacted(at, self._bare(at).travel_m)
+
+    def _pressing(self, at: OperatingPoint) -> Pressing:
+        each, ball = self.readings.press, self.profile == "hertz"
         radius, curvature, growth = self._under
-        profile = "hertz" if ball else "flat"
-        pressing = Pressing(
-            compliance, at.modulus[r.press], radius, self.poisson_ratio, profile, curvature, growth
-        )
-        travel = ball_travel(r, pressing, force_n) if ball else compliance * force_n
+        return Pressing(
+            at.compliance[each], at.modulus[each], radius, self.poisson_ratio,
+            "hertz" if ball else "flat", curvature, growth,
+        )  # fmt: skip
+
+    def _bare(self, at: OperatingPoint) -> ElasticTravel:
+        """Elastic travel under the acting forces without effects of the contact; the last is kept.
+
+        Of a ball it is the dearest part of a prediction, and several derivatives share it.
+        """
+        if self.profile != "hertz":
+            compliance = at.compliance[self.readings.press]
+            travel = compliance * at.force_n
+            return ElasticTravel(travel, compliance, travel)
+        key = (at.force_n.tobytes(), at.compliance.tobytes(), at.modulus.tobytes())
+        if key not in self._balls:
+            if len(self._balls) >= _BALLS:
+                self._balls.clear()
+            self._balls[key] = ball_travel(self.readings, self._pressing(at), at.force_n)
+        return self._balls[key]
+
+    def _contacted(self, at: OperatingPoint, travel: np.ndarray) -> np.ndarray:
+        """Elastic travel (m,) with the effects of the contact, by that without."""
+        if not self._contacts:
+            return travel
+        pressing = self._pressing(at)
         for effect in self._contacts:
-            travel = effect.contact(r, pressing, force_n, travel, **at.values[effect.name])
+            own = at.values[effect.name]
+            travel = effect.contact(self.readings, pressing, at.force_n, travel, **own)
         return travel
 
     def by_force(self, at: OperatingPoint) -> np.ndarray:
@@ -184,8 +211,6 @@ class Chain:
 
         The elastic travel has no memory: it goes along its slope, found once for all changes.
         """
-        if not self.feels_others:
-            return lambda change: self.predict(at._replace(force_n=at.force_n + change))
         acting_n = self._acting(at.force_n, at.values)
         here = self._from_touch(at._replace(force_n=acting_n))
         slope = self._elastic_slope(at._replace(force_n=acting_n), step_n)
@@ -197,17 +222,22 @@ class Chain:
         return changed
 
     def _elastic_slope(self, acting: OperatingPoint, step_n: float) -> np.ndarray:
-        """Derivative (m,) of the elastic travel by its own acting force, m/N."""
-        up, down = (self._elastic(acting._replace(force_n=acting.force_n + step))
-                    for step in (step_n, -step_n))  # fmt: skip
+        """Return the derivative (m,) of the elastic travel by its own acting force, m/N."""
+        bare = self._bare(acting)
+        if not self._contacts:
+            return bare.by_force
+        up, down = (
+            self._contacted(
+                acting._replace(force_n=acting.force_n + step), bare.travel_m + bare.by_force * step
+            )
+            for step in (step_n, -step_n)
+        )
         return (up - down) / (2 * step_n)
 
     def elastic_slope(self, at: OperatingPoint) -> np.ndarray:
-        """Derivative (m,) of the elastic travel by the acting force of each reading, m/N."""
+        """Return the derivative (m,) of the elastic travel by each acting force, m/N."""
         step = _STEP * max(float(np.abs(at.force_n).max()), 1e-12)
-        return self._elastic_slope(
-            at._replace(force_n=self._acting(at.force_n, at.values)), step
-        )
+        return self._elastic_slope(at._replace(force_n=self._acting(at.force_n, at.values)), step)
 
     @property
     def feels_others(self) -> bool:
@@ -241,13 +271,14 @@ class Chain:
 
     def by_log_compliance(self, at: OperatingPoint) -> np.ndarray:
         """Return the derivative (m,) by ln C of the reading's press, in an even body: E ~ 1/C."""
-        up, down = (
-            self.predict(
-                at._replace(compliance=factor * at.compliance, modulus=at.modulus / factor)
-            )
-            for factor in (1 + _STEP, 1 / (1 + _STEP))
-        )
-        return (up - down) / (2 * np.log1p(_STEP))
+        force_n = self._acting(at.force_n, at.values)
+        bare, sides = self._bare(at._replace(force_n=force_n)), []
+        for step in (_STEP, -_STEP):
+            factor = np.exp(step)
+            there = OperatingPoint(at.compliance * factor, at.modulus / factor, force_n, at.values)
+            travel = self._contacted(there, bare.travel_m + step * bare.by_log_compliance)
+            sides.append(self._beyond(force_n, self._since_touch(there, travel), at.values))
+        return (sides[0] - sides[1]) / (2 * _STEP)
 
     def by_growth(self, at: OperatingPoint) -> np.ndarray:
         """Return the derivative (m,) by the growth of the reading's press, m."""
@@ -256,73 +287,3 @@ class Chain:
             replace(self, growth=self.growth + step).predict(at) for step in (_STEP, -_STEP)
         )
         return (up - down) / (2 * _STEP)
-
-
-class Judged(NamedTuple):
-    """Comparison of a chain with m readings, with both columns' noise.
-
-    Attributes
-    ----------
-    residual_m : measured less predicted displacement at the measured force
-    sigma_m : its standard deviation
-    latent_force_n : best estimate of the force
-    slope : travel over force there, m/N
-    """
-
-    residual_m: np.ndarray
-    sigma_m: np.ndarray
-    latent_force_n: np.ndarray
-    slope: np.ndarray
-
-
-def judge(
-    chain: Chain,
-    compliance: np.ndarray,
-    modulus: np.ndarray,
-    displacement_m: np.ndarray,
-    noise: Noise,
-    values: Mapping[str, Values],
-    latent_n: np.ndarray | None = None,
-    slope_of: Callable[[OperatingPoint], np.ndarray] | None = None,
-    settings: LatentForceSettings = LATENT_FORCE,
-) -> Judged:
-    """Compare a chain with the readings: errors in both columns.
-
-    If travel and force are not proportional, the chain is linearised at the latent force instead of
-    the measured one, in a few rounds: under a ball the slope at a small force differs much from the
-    slope at that force with its noise. Source: Fuller, "Measurement Error Models", 3.2.
-
-    `latent_n` (m,) is the latent force of a chain nearby, from which fewer rounds are needed;
-    `slope_of` gives slopes of travel over force, where some are known (`KeptSlope`).
-    """
-    force, slope_of = chain.readings.force_n, slope_of or chain.by_force
-    most = settings.steepest * compliance[chain.readings.press]
-    at = force if latent_n is None or not chain.nonlinear else latent_n
-    last = moved = np.zeros(len(force))
-    for _ in range(settings.rounds if chain.nonlinear else 1):
-        point = OperatingPoint(compliance, modulus, at, values)
-        slope = np.clip(slope_of(point), -most, most)
-        predicted = chain.predict(point) + slope * (force - at)
-        residual = displacement_m - predicted
-        sigma, latent = latent_force(residual, slope, force, noise)
-        step = latent - at
-        if np.abs(step).max(initial=0.0) < settings.tol * chain.readings.largest_force_n:
-            at = latent
-            break
-        # Near no force the steep slope of a ball leads to and fro across it: between both, a secant
-        turned = step * last < 0
-        move = np.where(turned, step * moved / np.where(turned, last - step, 1.0), step)
-        at, last, moved = at + move, step, move
-    return Judged(residual, sigma, at, slope)
-
-
-def latent_force(
-    residual_m: np.ndarray, slope: np.ndarray, force_n: np.ndarray, noise: Noise
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residual's standard deviation s (m,) and the best estimate F^ (m,) of the force.
-
-    s^2 = sd_d^2 + slope^2 sd_F^2 and F^ = F + slope sd_F^2 / s^2 e; see
-    `identify.measurement.errors_in_variables`.
-    """
-    variance = noise.displacement_m**2 + (slope * noise.force_n) ** 2
-    return np.sqrt(variance), force_n + slope * noise.force_n**2 / variance * residual_m

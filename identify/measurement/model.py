@@ -25,10 +25,11 @@ from identify.effects.base import Effect, changes_body
 from identify.effects.readings import Readings
 from identify.map.gaussian_map import GaussianMap
 from identify.map.parameters import ParameterSpace
-from identify.measurement.chain import Chain, Judged, OperatingPoint, judge
+from identify.measurement.chain import Chain, OperatingPoint
 from identify.measurement.derivatives import Derivatives
 from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.errors_in_variables import PressTable, press_table
+from identify.measurement.judge import Judged, judge
 from identify.measurement.linearised import Compressed, Linearised
 from identify.measurement.map_uncertainty import MapUncertainty, MarginalMap
 from identify.measurement.noise import Noise

@@ -12,8 +12,8 @@ from scipy.spatial import KDTree
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.fit.free_compliance_start import free_compliance
-from identify.measurement.chain import judge
 from identify.measurement.experiment import PlacedExperiment
+from identify.measurement.judge import judge
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.residual.law_forms import law_forms

@@ -7,8 +7,9 @@ from scipy.optimize import minimize_scalar
 
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
-from identify.measurement.chain import Chain, OperatingPoint, judge
+from identify.measurement.chain import Chain, OperatingPoint
 from identify.measurement.errors_in_variables import press_table, whitening
+from identify.measurement.judge import judge
 from identify.measurement.noise import Noise, scan_noise
 from models.errors import InputError
 from models.scan import Scan

@@ -211,13 +211,14 @@ class FreeCompliance:
         log_c = np.where(self.felt, log_c, usual)
         kept, least, last = log_c, np.full(presses, np.inf), np.zeros(presses)
         count = np.maximum(np.bincount(press, minlength=presses), 1)
-        slope_of = KeptSlope(chain)
         for number in range(self.settings.compliance_steps + 1):
             if number == self.settings.compliance_steps:
                 log_c = kept
             c = np.exp(log_c)
             e = self.unit_compliance / c
-            judged = judge(chain, c, e, self.displacement_m, self.noise, values, latent, slope_of)
+            judged = judge(
+                chain, c, e, self.displacement_m, self.noise, values, latent, KeptSlope(chain)
+            )
             latent = judged.latent_force_n
             r = self._white(judged, judged.residual_m)
             own = self._white(judged, chain.by_log_compliance(OperatingPoint(c, e, latent, values)))

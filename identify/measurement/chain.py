@@ -195,7 +195,8 @@ class Chain:
         step = _STEP * max(float(np.abs(at.force_n).max()), 1e-12)
         layers = self.readings.layers
         changed = self._changed(at, step)
-        remembers = self._remembers(changed, step)
+        unchanged = changed(np.zeros(len(at.force_n)))
+        remembers = self._remembers(changed, unchanged, step)
         apart = min(max(_PREDICTIONS // len(layers), 2), len(layers)) if remembers else 1
         slope = np.empty(len(at.force_n))
         for first in range(apart):
@@ -203,7 +204,7 @@ class Chain:
             for turn, rows in enumerate(layers[first::apart]):
                 change[rows] = step if turn % 2 == 0 else -step
             rows = change != 0
-            slope[rows] = (changed(change) - changed(-change))[rows] / (2 * change[rows])
+            slope[rows] = (changed(change) - unchanged)[rows] / change[rows]
         return slope
 
     def _changed(self, at: OperatingPoint, step_n: float) -> Callable[[np.ndarray], np.ndarray]:
@@ -244,14 +245,19 @@ class Chain:
         """Whether a link may let a reading feel the forces of others."""
         return bool(self._responses or self._forces)
 
-    def _remembers(self, changed: Callable[[np.ndarray], np.ndarray], step_n: float) -> bool:
+    def _remembers(
+        self,
+        changed: Callable[[np.ndarray], np.ndarray],
+        unchanged: np.ndarray,
+        step_n: float,
+    ) -> bool:
         """Return whether any reading feels the force of another one."""
         if not self.feels_others or len(self.readings.layers) == 1:
             return False
         rows = np.concatenate(self.readings.layers[::2])
         change = np.zeros(len(self.readings))
         change[rows] = step_n
-        return bool(np.any(np.delete(changed(change) - changed(0 * change), rows)))
+        return bool(np.any(np.delete(changed(change) - unchanged, rows)))
 
     def by_body(self, at: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives (m,) by compliance and local modulus of the reading's press."""

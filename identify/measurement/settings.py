@@ -33,14 +33,11 @@ class LatentForceSettings:
         is counted: a law that turns a little force into any displacement would explain everything
     rounds : of the latent force, if travel and force are not proportional
     tol : change of the latent force, relative to the largest force, that ends the rounds
-    kept : change of a force, relative to the largest, up to which an effect with a memory makes the
-        same of the elastic slope (`identify.measurement.kept_slope`)
     """
 
     steepest: float = 2.0
     rounds: int = 6
     tol: float = 1e-3
-    kept: float = 0.02
 
 
 LATENT_FORCE = LatentForceSettings()

@@ -162,7 +162,7 @@ def contact_law(
                 and _one_of_contact((trials[n], best), own ^ set(n))])  # fmt: skip
     best = _best(plain, fits, settings)
     if best is plain or best.noise_share >= settings.noise_share:
-        two = split_sets(presses, plain, best.parts[len(stated) :], catalogue, say)
+        two = split_sets(presses, plain, best, catalogue, say, settings)
         return ContactLaw(plain, best, {**two, **fits}, settings)
     law = ContactLaw(plain, plain, fits, settings)
     # Where presses have laws of their own, a form of several numbers follows their differences

@@ -1,6 +1,6 @@
 """The sets of effects among which a contact law is sought, fitted to the presses alone."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -9,7 +9,7 @@ import numpy as np
 from identify.effects.base import Effect, Values, advice
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
-from identify.fit.settings import ContactLawSettings
+from identify.fit.settings import FREE_COMPLIANCE_TRIAL, ContactLawSettings
 from identify.measurement.chain import OperatingPoint
 from identify.measurement.effect_in_model import EffectInModel
 from identify.optimize.result import InadmissibleError
@@ -71,33 +71,51 @@ def search_sets(
 def split_sets(
     presses: FreeCompliance,
     plain: FreeComplianceFit,
-    found: Sequence[EffectInModel],
+    found: FreeComplianceFit,
     catalogue: Sequence[Effect],
     say: Callable[[str], None],
+    settings: ContactLawSettings,
 ) -> dict[Set, FreeComplianceFit]:
     """Fit the first form of a found effect's cause beside another effect, in its place.
 
     With no more numbers: a play seen from its first loading on is nearly a loop and a late touch.
+    Those that a rough fit leaves far from the law found are not fitted to the end.
     """
-    known = {e.name: e for e in catalogue if e.link != "body"}
+    rough = replace(presses, settings=FREE_COMPLIANCE_TRIAL)
+    begun = replace(plain, compliance=found.compliance)
+    scale = misfit_scale([found])
+    excess = max(plain.misfit - plain.dof, 0.0) / scale
+    most = criterion_of(found, scale) + settings.margin + settings.near * excess
     fits: dict[Set, FreeComplianceFit] = {}
+    for parts in _splits(presses, found.parts[len(plain.parts) :], catalogue):
+        names = tuple(part.effect.name for part in parts)
+        say(f"fitting the presses alone with {', '.join(names)}")
+        first = fit_set(rough, begun, parts)
+        if first is None or criterion_of(first, scale) >= most:
+            continue
+        near = replace(plain, compliance=first.compliance)
+        fit = fit_set(presses, near, first.parts[len(plain.parts) :])
+        if fit is not None:
+            fits[names] = fit
+    return fits
+
+
+def _splits(
+    presses: FreeCompliance, found: Sequence[EffectInModel], catalogue: Sequence[Effect]
+) -> Iterator[list[EffectInModel]]:
+    """Yield the effects found, in the place of one the first form of its cause and another one."""
+    known = {e.name: e for e in catalogue if e.link != "body"}
+    taken = {part.effect.family for part in found}
     for part in found:
         first = known.get(part.effect.family)
         if first is None or first.name == part.effect.name:
             continue
         rest = [other for other in found if other is not part]
-        taken = {other.effect.family for other in found}
         room = len(part.effect.parameters) - len(first.parameters)
         for other in known.values():
             untestable = other.untestable(presses.readings) is not None
-            if other.family in taken or len(other.parameters) > room or untestable:
-                continue
-            say(f"fitting the presses alone with {first.name}, {other.name}")
-            both = [presses.begun(first, {}), presses.begun(other, {})]
-            fit = fit_set(presses, plain, [*rest, *both])
-            if fit is not None:
-                fits[tuple(p.effect.name for p in (*rest, *both))] = fit
-    return fits
+            if other.family not in taken and len(other.parameters) <= room and not untestable:
+                yield [*rest, presses.begun(first, {}), presses.begun(other, {})]
 
 
 def _one_form_each(

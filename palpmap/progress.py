@@ -1,6 +1,7 @@
 """The share of a command that is done, told by the words of its steps, and the time left."""
 
 import ctypes
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -25,6 +26,9 @@ FIRST_SHARE = 0.08  # of a course: before it, no time left is estimated
 MOST_OF_STAGE = 0.95  # of its usual steps: then the next one is awaited
 LINE_S = 5.0  # between two lines of a stage, at least ...
 LINE_SHARE = 0.05  # ... and this share of the time so far
+
+
+_COUNTED = re.compile(r"\((\d+) of (\d+)\)$")  # the end of a counted step's words
 
 
 class Stage(NamedTuple):
@@ -57,6 +61,8 @@ DEMO = (
 )  # fmt: skip
 FIT = (Stage(("meshing",), 3), Stage(("fitting",), 20, 12), Stage(("comparing",), 4))
 FIT_AND_SAMPLE = (*FIT[:2], Stage(("drawing",), 30, 80), FIT[2])
+COUNTED_S = {"fitting all presses": 0.5, "fitting the presses": 0.1}
+"""Seconds of a counted step, by its words: on scans of 36 presses by a ball, with time stamps."""
 DIAGNOSE = (*_OPEN, Stage(("analysing", "scoring"), 16, 45))
 LIMITS = (*_OPEN, Stage(("computing",), 12), Stage(("planning",), 40, 8))
 EXPLAIN = (
@@ -85,6 +91,8 @@ class Course:
     """How far a command is: it has gone through the stages up to that of its last step.
 
     A stage may stand twice; a step that belongs to none that follows counts to the present one.
+    Words that end with "(2 of 40)" are of a task of counted steps: it takes as long as that many,
+    in whatever stage it is, as a search that is made again without some presses.
 
     >>> course = Course(DIAGNOSE)
     >>> [round(course.at(text), 2) for text in ("meshing the body", "scoring hysteresis")]
@@ -92,39 +100,69 @@ class Course:
     """
 
     def __init__(self, stages: Sequence[Stage]) -> None:
-        self._stages = stages
-        self._now, self._step = 0, -1
+        self._stages, self._now = stages, 0
+        self._within = -stages[0].seconds / stages[0].steps  # s of the present stage that are done
+        self._counted_from = 0.0  # what was done of it when its counted steps began
         self._seconds = [stage.seconds * (not stage.asked) for stage in stages]
+        self._told, self._last, self._fallen = 0.0, 0.0, (0.0, 0.0)
 
     def at(self, text: str) -> float:
-        """Return the share done when a step begins, 0 to 1; it never falls."""
+        """Return the share to tell when a step begins, 0 to 1; it never falls."""
         following = range(self._now, len(self._stages))
         stage = next((k for k in following if text.startswith(self._stages[k].words)), self._now)
-        if stage == self._now:
+        entered = stage != self._now
+        if entered:
+            self._now, self._within, self._counted_from = stage, 0.0, 0.0
+            self._seconds[stage] = self._stages[stage].seconds
+        if counted := _COUNTED.search(text):
+            self._count(int(counted[1]), int(counted[2]), _pace(text))
+        elif not entered:
             return self.again()
-        self._step, self._now = 0, stage
-        self._seconds[stage] = self._stages[stage].seconds
-        return self.share()
+        return self._share_told()
 
     def again(self) -> float:
-        """Return the share done after one more step of the present stage."""
-        self._step += 1
-        now, usual = self._stages[self._now], MOST_OF_STAGE * self._stages[self._now].steps
-        # Beyond its usual steps a stage lasts longer, and with it the whole
-        longer = max(self._step - usual, 0) / now.steps
-        self._seconds[self._now] = now.seconds * (1 + longer)
-        return self.share()
+        """Return the share to tell after one more step of the present stage."""
+        now = self._stages[self._now]
+        self._within += now.seconds / now.steps
+        self._lengthen(self._within)
+        return self._share_told()
 
     def share(self) -> float:
-        """Return the share done, 0 to 1."""
-        seconds, now = self._seconds, self._stages[self._now]
-        within = now.seconds * max(self._step, 0) / now.steps
-        return (sum(seconds[: self._now]) + within) / sum(seconds)
+        """Return the share done, 0 to 1, of what is known to be done: it falls as that grows."""
+        within = max(self._within, 0.0)
+        return (sum(self._seconds[: self._now]) + within) / sum(self._seconds)
 
     @property
     def stage(self) -> int:
         """Number of the present stage."""
         return self._now
+
+    def _count(self, number: int, most: int, pace_s: float) -> None:
+        """Begin a step of so many."""
+        if number == 1:
+            self._counted_from = max(self._within, 0.0)
+        self._within = self._counted_from + pace_s * (number - 1)
+        self._lengthen(self._counted_from + pace_s * most)
+
+    def _lengthen(self, seconds: float) -> None:
+        """Let the present stage, and with it the whole, last longer than so many seconds."""
+        ahead = (1 - MOST_OF_STAGE) * self._stages[self._now].seconds
+        self._seconds[self._now] = max(self._seconds[self._now], seconds + ahead)
+
+    def _share_told(self) -> float:
+        """Return the share done; after it has fallen, on the way from what was told to the end."""
+        share = self.share()
+        if share < self._last:
+            self._fallen = self._told, share
+        self._last = share
+        told, fallen = self._fallen
+        self._told = told + (1 - told) * (share - fallen) / (1 - fallen)
+        return self._told
+
+
+def _pace(text: str) -> float:
+    """Seconds of one of the counted steps with these words, beside the stages'."""
+    return next((pace for words, pace in COUNTED_S.items() if words in text), 1.0)
 
 
 def seconds_left(share: float, elapsed_s: float) -> float | None:
@@ -201,7 +239,8 @@ class ShownTask:
 
     def _show(self, text: str, share: float) -> None:
         now = time.monotonic()
-        left = seconds_left(share, now - self._start)
+        done = self._course.share() if self._course else share
+        left = seconds_left(done, now - self._start)
         self._bar.update(
             self._number, description=text, completed=share,
             ends_s=None if left is None else now + left,

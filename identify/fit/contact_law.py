@@ -28,6 +28,7 @@ from identify.fit.contact_law_sets import (
     search_sets,
     sharpened,
     split_sets,
+    step_words,
 )
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
@@ -147,8 +148,8 @@ def contact_law(
     trials, fits = search_sets(few, before, catalogue, say, quick), {}
 
     def fitted(sets: Sequence[Set]) -> None:
-        for names in sets:
-            say(f"fitting all presses alone with {', '.join(names)}")
+        for number, names in enumerate(sets, start=1):
+            say(step_words("all presses", names, number, len(sets)))
             # Few presses have narrower bounds: a jump near the scan's ends, a reach
             parts = [presses.part(p.effect, p.start) for p in trials[names].parts[len(stated) :]]
             if (fit := fit_set(presses, plain, parts)) is not None:

@@ -36,21 +36,21 @@ def search_sets(
     fits: dict[Set, FreeComplianceFit] = {}
     seen: set[Set] = set()
 
-    def tried(names: Set) -> None:
-        seen.add(names)
-        say(f"fitting the presses alone with {', '.join(names)}")
-        fit = fit_set(presses, plain, [parts[name] for name in names])
-        if fit is not None:
-            fits[names] = fit
+    def tried(sets: Sequence[Set]) -> None:
+        most = len(seen) + len(sets)
+        for names in sets:
+            seen.add(names)
+            say(step_words("the presses", names, len(seen), most))
+            fit = fit_set(presses, plain, [parts[name] for name in names])
+            if fit is not None:
+                fits[names] = fit
 
     def criterion(names: Set) -> float:
         return criterion_of(fits[names], misfit_scale([plain, *fits.values()]))
 
-    for name in parts:
-        tried((name,))
+    tried([(name,) for name in parts])
     if all(_has_room(plain, fit, settings) for fit in fits.values()):
-        for names in combinations(_one_form_each(parts, fits, criterion), 2):
-            tried(names)
+        tried(list(combinations(_one_form_each(parts, fits, criterion), 2)))
     while fits:
         best = min(fits, key=criterion)
         if len(best) < 2:
@@ -63,9 +63,17 @@ def search_sets(
             new = [names for names in more if names not in seen]
         if not new:
             break
-        for names in new:
-            tried(names)
+        tried(new)
     return fits
+
+
+def step_words(which: str, names: Set, number: int, most: int) -> str:
+    """Return the words of a step of the search, which is told how many sets there are to try.
+
+    >>> step_words("all presses", ("play", "force_bias"), 2, 5)
+    'fitting all presses alone with play, force_bias (2 of 5)'
+    """
+    return f"fitting {which} alone with {', '.join(names)} ({number} of {most})"
 
 
 def split_sets(
@@ -87,9 +95,10 @@ def split_sets(
     excess = max(plain.misfit - plain.dof, 0.0) / scale
     most = criterion_of(found, scale) + settings.margin + settings.near * excess
     fits: dict[Set, FreeComplianceFit] = {}
-    for parts in _splits(presses, found.parts[len(plain.parts) :], catalogue):
+    tried = list(_splits(presses, found.parts[len(plain.parts) :], catalogue))
+    for number, parts in enumerate(tried, start=1):
         names = tuple(part.effect.name for part in parts)
-        say(f"fitting the presses alone with {', '.join(names)}")
+        say(step_words("the presses", names, number, len(tried)))
         first = fit_set(rough, begun, parts)
         if first is None or criterion_of(first, scale) >= most:
             continue

@@ -134,3 +134,54 @@ def test_a_stage_that_lasts_longer_than_usual_goes_on_and_the_share_never_falls(
     over = shares[-40:-2]
     assert all(before < after for before, after in pairwise(over))
     assert shares[-1] < 1
+
+
+def searched(say, counts=((1, 45), (46, 270), (271, 310))):
+    """Tell the steps of a search for a contact law, whose number grows as it goes on."""
+    ends = [first for first, _ in counts[1:]] + [counts[-1][1] + 1]
+    for (first, most), end in zip(counts, ends, strict=True):
+        for number in range(first, end):
+            say(f"fitting the presses alone with play ({number} of {most})")
+
+
+@pytest.mark.parametrize("before", ["meshing", "looking"])
+def test_a_search_of_counted_sets_moves_on_wherever_it_is_made(before):
+    course, told = Course(EXPLAIN), []
+    words = ["meshing", "fitting", "analysing", "trying", "scoring", "testing", "computing"]
+    for text in [*words, "looking"] if before == "looking" else [before]:
+        course.at(text)
+    prefix = "without presses 3, 4: " if before == "looking" else ""
+    searched(lambda text: told.append((course.at(prefix + text), course.share())))
+    shown, done = zip(*told, strict=True)
+    assert all(one < other for one, other in pairwise(shown[1:44]))
+    assert all(one <= other for one, other in pairwise(shown))
+    assert all(before < after for before, after in zip(shown, shown[40:], strict=False))
+    assert 0 < shown[-1] < 1
+    left = [1 - share for share in done]
+    assert left[50] > 1.2 * left[260]
+    assert left[50] > 0.05
+
+
+def test_the_time_left_is_not_that_of_a_stage_nearly_over_while_a_law_is_sought_again(
+    capsys, monkeypatch
+):
+    now = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    with Output().task(EXPLAIN) as task:
+
+        def say(text):
+            task.say(text)
+            now[0] += 0.5
+
+        for text in ["meshing", "fitting", "analysing", "trying", "scoring", "testing"]:
+            now[0] += 10
+            say(text)
+        searched(lambda text: say(f"without presses 3, 4: {text}"))
+    lines = capsys.readouterr().err.splitlines()
+    said = [line for line in lines if "without presses" in line]
+    assert len(said) > 10
+    assert len({line.split("%")[0].split()[-1] for line in said}) > 4  # the share moves
+    early = [line for line in said if "(50 of" in line or re.search(r"\((4|5|6)\d of 270", line)]
+    assert early
+    assert all(re.search(r"about \d+ (s|min) left", line) for line in early)
+    assert not any("about 5 s left" in line or "about 10 s left" in line for line in early)

@@ -128,7 +128,7 @@ class Course:
         return self._share_told()
 
     def share(self) -> float:
-        """Return the share done, 0 to 1, of what is known to be done: it falls as that grows."""
+        """Return the share done of all that is known so far, 0 to 1; it falls as that grows."""
         within = max(self._within, 0.0)
         return (sum(self._seconds[: self._now]) + within) / sum(self._seconds)
 
@@ -150,7 +150,7 @@ class Course:
         self._seconds[self._now] = max(self._seconds[self._now], seconds + ahead)
 
     def _share_told(self) -> float:
-        """Return the share done; after it has fallen, on the way from what was told to the end."""
+        """Return the share to tell: once the share done has fallen, the told one goes on more slowly."""
         share = self.share()
         if share < self._last:
             self._fallen = self._told, share

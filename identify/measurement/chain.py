@@ -242,7 +242,7 @@ class Chain:
 
     @property
     def feels_others(self) -> bool:
-        """Whether a link may let a reading feel the forces of others."""
+        """A link may let a reading feel the forces of others."""
         return bool(self._responses or self._forces)
 
     def _remembers(

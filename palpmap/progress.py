@@ -150,7 +150,7 @@ class Course:
         self._seconds[self._now] = max(self._seconds[self._now], seconds + ahead)
 
     def _share_told(self) -> float:
-        """Return the share to tell: once the share done has fallen, the told one goes on more slowly."""
+        """Return the share to tell: where the share done fell, the told one goes on more slowly."""
         share = self.share()
         if share < self._last:
             self._fallen = self._told, share

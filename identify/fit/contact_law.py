@@ -24,17 +24,18 @@ from identify.fit.contact_law_sets import (
     Set,
     criterion_of,
     fit_set,
+    leading_sets,
     misfit_scale,
     search_sets,
     sharpened,
     split_sets,
     step_words,
+    well_spread_presses,
 )
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE_TRIAL, ContactLawSettings
 from identify.measurement.effect_in_model import EffectInModel
-from models import well_spread
 
 _MANY = 1.5  # times `ContactLawSettings.searched`: fewer presses all serve to compare the sets
 
@@ -51,6 +52,7 @@ class ContactLaw:
     settings : of the search
     partial : set that takes most of the excess misfit where none leaves noise in enough presses;
         no law of all presses, which may have one each
+    ranked : sets that lead in the rough fits
     """
 
     plain: FreeComplianceFit
@@ -58,12 +60,18 @@ class ContactLaw:
     fits: dict[Set, FreeComplianceFit]
     settings: ContactLawSettings = CONTACT_LAW
     partial: FreeComplianceFit | None = None
+    ranked: tuple[Set, ...] = ()
 
     @property
     def names(self) -> Set:
         """Names of the further effects, empty without any."""
         stated = self.plain.names
         return tuple(name for name in self.found.names if name not in stated)
+
+    @property
+    def leading(self) -> tuple[Set, ...]:
+        """Sets that a search without a few of the presses tries."""
+        return tuple(dict.fromkeys((*self.fits, *self.ranked)))
 
     @property
     def share(self) -> float:
@@ -130,6 +138,7 @@ def contact_law(
     stated: Sequence[EffectInModel] = (),
     say: Callable[[str], None] = lambda text: None,
     settings: ContactLawSettings = CONTACT_LAW,
+    tried: Sequence[Set] = (),
 ) -> ContactLaw:
     """Find the effects of contact, response and instrument in the press curves.
 
@@ -138,6 +147,7 @@ def contact_law(
     catalogue : effects that may be found; those of the body act on compliances and are not seen
     stated : effects of the study
     say : called with the present task, in words
+    tried : sets to try, all without any: those that lead with a few presses more
     """
     plain, count = presses.fit(stated), presses.readings.presses
     many = count >= _MANY * settings.searched
@@ -145,7 +155,8 @@ def contact_law(
     few = replace(few, settings=FREE_COMPLIANCE_TRIAL)
     quick = replace(settings, margin=settings.margin * few.readings.presses / count)
     before = few.fit(stated)
-    trials, fits = search_sets(few, before, catalogue, say, quick), {}
+    trials, fits = search_sets(few, before, catalogue, say, quick, tried), {}
+    ranked = leading_sets(before, trials, quick)
 
     def fitted(sets: Sequence[Set]) -> None:
         for number, names in enumerate(sets, start=1):
@@ -164,8 +175,8 @@ def contact_law(
     best = _best(plain, fits, settings)
     if best is plain or best.noise_share >= settings.noise_share:
         two = split_sets(presses, plain, best, catalogue, say, settings)
-        return ContactLaw(plain, best, {**two, **fits}, settings)
-    law = ContactLaw(plain, plain, fits, settings)
+        return ContactLaw(plain, best, {**two, **fits}, settings, None, ranked)
+    law = ContactLaw(plain, plain, fits, settings, None, ranked)
     # Where presses have laws of their own, a form of several numbers follows their differences
     found = best.parts[len(stated) :]
     if (simple := _simplest_forms(presses, found, catalogue)) and (
@@ -182,14 +193,6 @@ def _one_of_contact(fits: Sequence[FreeComplianceFit], names: set[str]) -> bool:
     """Whether the names are one, of an effect of the contact."""
     parts = [p for fit in fits for p in fit.parts if p.effect.name in names]
     return len(names) == 1 and all("contact" in p.effect.hooks for p in parts)
-
-
-def well_spread_presses(presses: FreeCompliance, most: int) -> FreeCompliance:
-    """Return so many presses that met resistance, well spread over the surface and the tips."""
-    felt, r = np.flatnonzero(presses.felt), presses.readings
-    place = r.point_m[r.first[felt]] / max(float(r.between_m.max()), 1e-9)
-    tip = np.log(r.radius_m[r.first[felt]])
-    return presses.some(felt[well_spread(np.column_stack([place, tip]), most)])
 
 
 def _near(
@@ -233,10 +236,8 @@ def _best(
     """Smallest set that no larger one beats by more than the margin for each further effect.
 
     Of its size it is the best one, or simpler forms of the same causes that do as well, or a
-    textbook law of another cause that does nearly as well as a free form.
-
-    It is the law of none if it leaves structure in too many presses: its gain may then be anything
-    that differs from press to press.
+    textbook law of another cause that does nearly as well as a free form. It is the law of none if
+    it leaves structure in too many presses: its gain may then be what differs between presses.
     """
     scale = misfit_scale([plain, *fits.values()])
     least = max(settings.margin, settings.least * (plain.misfit - plain.dof) / scale)

@@ -13,10 +13,19 @@ from identify.fit.settings import FREE_COMPLIANCE_TRIAL, ContactLawSettings
 from identify.measurement.chain import OperatingPoint
 from identify.measurement.effect_in_model import EffectInModel
 from identify.optimize.result import InadmissibleError
+from models import well_spread
 
 _STEP = 0.01  # of an amplitude's typical size, for its pattern
 
 Set = tuple[str, ...]
+
+
+def well_spread_presses(presses: FreeCompliance, most: int) -> FreeCompliance:
+    """Return so many presses that met resistance, well spread over the surface and the tips."""
+    felt, r = np.flatnonzero(presses.felt), presses.readings
+    place = r.point_m[r.first[felt]] / max(float(r.between_m.max()), 1e-9)
+    tip = np.log(r.radius_m[r.first[felt]])
+    return presses.some(felt[well_spread(np.column_stack([place, tip]), most)])
 
 
 def search_sets(
@@ -25,8 +34,9 @@ def search_sets(
     catalogue: Sequence[Effect],
     say: Callable[[str], None],
     settings: ContactLawSettings,
+    only: Sequence[Set] = (),
 ) -> dict[Set, FreeComplianceFit]:
-    """Fit the sets of effects among which the law is sought, by their names."""
+    """Fit the sets of effects among which the law is sought, by their names (`only`: all)."""
     free = [
         e
         for e in catalogue
@@ -48,6 +58,9 @@ def search_sets(
     def criterion(names: Set) -> float:
         return criterion_of(fits[names], misfit_scale([plain, *fits.values()]))
 
+    if only := [names for names in only if set(names) <= set(parts)]:
+        tried(only)
+        return fits
     tried([(name,) for name in parts])
     if all(_has_room(plain, fit, settings) for fit in fits.values()):
         tried(list(combinations(_one_form_each(parts, fits, criterion), 2)))
@@ -65,6 +78,23 @@ def search_sets(
             break
         tried(new)
     return fits
+
+
+def leading_sets(
+    plain: FreeComplianceFit, fits: Mapping[Set, FreeComplianceFit], settings: ContactLawSettings
+) -> tuple[Set, ...]:
+    """Return the sets of each size that are nearest to its best one, best first.
+
+    A press that no set meets counts little in any: without a few such presses others hardly lead.
+    """
+    scale = misfit_scale([plain, *fits.values()])
+    slack = max(settings.margin, settings.unsure * (plain.misfit - plain.dof) / scale)
+    leading: list[Set] = []
+    for size in range(1, settings.most_effects + 1):
+        by_value = sorted((criterion_of(fits[n], scale), n) for n in fits if len(n) == size)
+        close = [names for value, names in by_value if value <= by_value[0][0] + slack]
+        leading += close[: settings.leading]
+    return tuple(leading)
 
 
 def step_words(which: str, names: Set, number: int, most: int) -> str:

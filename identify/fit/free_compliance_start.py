@@ -14,6 +14,7 @@ from identify.body.mechanics import BodyMechanics
 from identify.effects.base import Effect
 from identify.effects.readings import Readings
 from identify.fit.contact_law import ContactLaw, contact_law
+from identify.fit.contact_law_sets import Set
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit, straightened
 from identify.fit.result import FitResult
@@ -52,6 +53,7 @@ def law_of(
     catalogue: Sequence[Effect],
     say: Say = lambda text: None,
     settings: ContactLawSettings = CONTACT_LAW,
+    tried: Sequence[Set] = (),
 ) -> ContactLaw | None:
     """Return the contact law of the presses, or None where that of the map suffices.
 
@@ -59,6 +61,7 @@ def law_of(
     ----------
     stated : effects of the study, without those of the body
     catalogue : effects that may be found
+    tried : sets of these, see `contact_law`
     """
     plain = presses.fit(())
     curved = presses.contacts.profile != "flat" or bool(stated)
@@ -68,7 +71,7 @@ def law_of(
     # Curves that are bent anyway are no straight lines to start from: the law is sought sooner
     if fit.chi2_per_dof < (settings.bent_ball if curved else settings.bent):
         return ContactLaw(fit, fit, {}, settings) if curved else None
-    return contact_law(presses, catalogue, stated, say, settings)
+    return contact_law(presses, catalogue, stated, say, settings, tried)
 
 
 def straight(scan: Scan, found: FreeComplianceFit) -> Scan:

@@ -223,6 +223,8 @@ class ContactLawSettings:
     near, refitted : share of the excess misfit within which of the best set there, and most sets of
         a size, that are then fitted to all presses
     refitted_partial : sets of a size that are fitted to all presses where none holds for enough
+    leading, few : sets of a size that a search tries again where presses are set apart, and the
+        largest share of all that these are; else all sets are tried
     perhaps : share of an effect's price at which a larger set is among them
     unsure : share of the excess misfit within which another law of contact, or a simpler form of
         it, is as credible, where structure is left; a ball on an uneven body is right to a seventh
@@ -244,6 +246,8 @@ class ContactLawSettings:
     near: float = 0.03
     refitted: int = 6
     refitted_partial: int = 3
+    leading: int = 12
+    few: float = 0.2
     perhaps: float = 0.5
     unsure: float = 0.1
     most_of: float = 0.5

@@ -123,7 +123,7 @@ def without_suspects(
         fewer = experiment.without(presses)
         if not fewer.is_determined:
             return None
-        again = start_fit(fewer, start.catalogue)
+        again = start_fit(fewer, start.catalogue, tried=start.leading_sets(presses))
         return WithoutSuspects.of(presses, selected(again, seed, None, settings))
     except (InputError, InadmissibleError):
         return None

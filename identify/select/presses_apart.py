@@ -52,7 +52,9 @@ class Others:
         if presses not in self.starts:
             start = self.start
             fewer = start.experiment.without(presses, refill=False)
-            fit = start_fit(told(fewer, presses), start.catalogue) if fewer.is_determined else None
+            fit, tried = None, start.leading_sets(presses)
+            if fewer.is_determined:
+                fit = start_fit(told(fewer, presses), start.catalogue, tried=tried)
             self.starts[presses] = fit
         return self.starts[presses]
 

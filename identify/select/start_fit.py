@@ -4,7 +4,7 @@ The map is searched without effects; the experiment's effects are then fitted jo
 the given values or from the linear estimate.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -19,6 +19,7 @@ from identify.effects.initial import lacking_in
 from identify.effects.readings import Readings
 from identify.effects.units import digits
 from identify.fit.contact_law import ContactLaw
+from identify.fit.contact_law_sets import Set
 from identify.fit.free_compliance_start import (
     curved_again,
     free_compliance,
@@ -72,6 +73,11 @@ class StartFit:
             return self.fit
         return fit_jointly(self.model, self.start)
 
+    def leading_sets(self, presses: Sequence[int]) -> tuple[Set, ...]:
+        """Return the sets that a law without a few presses (ids) is sought among, empty for all."""
+        most = CONTACT_LAW.few * len(self.scan.press_ids)
+        return self.law.leading if self.law and len(presses) <= most else ()
+
     @property
     def scan(self) -> Scan:
         """The scan in the body's frame."""
@@ -88,6 +94,7 @@ def start_fit(
     catalogue: Catalogue[Effect],
     on_iteration: Callable[[FitIteration], None] | None = None,
     settings: StartSettings = START,
+    tried: Sequence[Set] = (),
 ) -> StartFit:
     """Fit the map of an experiment and its effects.
 
@@ -95,16 +102,17 @@ def start_fit(
     ----------
     catalogue : effects of a contact law, and candidates of the selection
     on_iteration : called with each step of the map's fit
+    tried : sets of effects of a contact law, see `contact_law`
     """
     if experiment.map.field is not None:
-        law = contact_law_of(experiment, catalogue, settings.contact_law)
+        law = contact_law_of(experiment, catalogue, settings.contact_law, tried)
         experiment.say("fitting the map")
         more = law is not None and bool(
             law.names or law.partial
         )  # the first step will fit it with these
         fit = fit_map(experiment, callback=on_iteration, rough=more, settings=settings.fit)
         return StartFit(experiment, catalogue, fit, fit.model, fit.map, law)
-    law, fit, error = rough_fit(experiment, catalogue, on_iteration, settings)
+    law, fit, error = rough_fit(experiment, catalogue, on_iteration, settings, tried)
     starts = law.plain.values if law else {}
     model, start = fit_effects(experiment, fit, starts, error, settings)
     return StartFit(experiment, catalogue, fit, model, start, law)
@@ -168,6 +176,7 @@ def contact_law_of(
     experiment: PlacedExperiment,
     catalogue: Catalogue[Effect],
     settings: ContactLawSettings = CONTACT_LAW,
+    tried: Sequence[Set] = (),
 ) -> ContactLaw | None:
     """Return the contact law of the presses alone beside the experiment's effects (`law_of`).
 
@@ -180,7 +189,7 @@ def contact_law_of(
         refuse_effect(effect, Readings.of(experiment.scan), initial)
     presses = free_compliance(experiment.scan, experiment.body, experiment.noise)
     stated = [presses.begun(e, initial) for e, initial in experiment.effects if presses.shows(e)]
-    return law_of(presses, stated, catalogue, experiment.say, settings)
+    return law_of(presses, stated, catalogue, experiment.say, settings, tried)
 
 
 def rough_fit(
@@ -188,6 +197,7 @@ def rough_fit(
     catalogue: Catalogue[Effect],
     on_iteration: Callable[[FitIteration], None] | None = None,
     settings: StartSettings = START,
+    tried: Sequence[Set] = (),
 ) -> tuple[ContactLaw | None, FitResult, float]:
     """Fit an initial map; a nonlinear contact law of the presses is subtracted first.
 
@@ -197,7 +207,7 @@ def rough_fit(
     relative error of a press's compliance, else 0.
     """
     scan, noise, say = experiment.scan, experiment.noise, experiment.say
-    law = contact_law_of(experiment, catalogue, settings.contact_law)
+    law = contact_law_of(experiment, catalogue, settings.contact_law, tried)
     say("fitting the map")
     rough = partial(fit_map, callback=on_iteration, rough=True, settings=settings.fit)
     if law is None:

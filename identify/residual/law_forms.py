@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.effects.base import Effect
-from identify.fit.contact_law import well_spread_presses
-from identify.fit.contact_law_sets import fit_set
+from identify.fit.contact_law_sets import fit_set, well_spread_presses
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance

@@ -5,6 +5,7 @@ The curves are those of the exact contact of a paraboloid on a bonded layer
 search knows no layer's contact.
 """
 
+import re
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -16,10 +17,12 @@ from fem import Contacts
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
+from identify.fit import contact_law_sets
 from identify.fit.contact_law import _best, _near, contact_law
+from identify.fit.contact_law_sets import split_sets
 from identify.fit.free_compliance import FreeCompliance, _at_bound, _in_logarithms
 from identify.fit.free_compliance_fit import straightened
-from identify.fit.settings import CONTACT_LAW
+from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE
 from identify.measurement.chain import OperatingPoint
 from identify.measurement.noise import Noise
 from tests.fem.reference.hayes import punch_factor, sphere_on_layer
@@ -103,6 +106,45 @@ def late_ball():
     """A ball's presses whose touch is declared at a force, and their law."""
     own = ball(0, threshold_n=0.05)
     return own, contact_law(own, CATALOGUE)
+
+
+def test_without_a_few_presses_the_law_is_found_among_the_sets_that_led(late_ball):
+    own, law = late_ball
+    fewer = own.some(np.arange(3, PRESSES))
+    every, leading = [], []
+    whole = contact_law(fewer, CATALOGUE, (), every.append)
+    again = contact_law(fewer, CATALOGUE, (), leading.append, tried=law.leading)
+    assert again.names == whole.names == law.names
+    assert again.found.misfit == pytest.approx(whole.found.misfit, abs=0.1)
+    assert len(leading) < len(every) / 3
+
+
+def test_the_search_tells_how_many_sets_there_are_to_try(late_ball):
+    own, law = late_ball
+    said = []
+    contact_law(own.some(np.arange(3, PRESSES)), CATALOGUE, (), said.append, tried=law.leading)
+    counts = [tuple(map(int, re.findall(r"\((\d+) of (\d+)\)$", text)[0])) for text in said]
+    most = counts[0][1]
+    assert len(law.leading) - 3 < most <= len(law.leading)  # some take more presses
+    assert counts[:most] == [(k + 1, most) for k in range(most)]
+    assert all(number <= most for number, most in counts)
+
+
+def test_splits_far_from_the_law_are_not_fitted_to_the_end(late_ball, monkeypatch):
+    own, law = late_ball
+    fitted = []
+    fit_set = contact_law_sets.fit_set
+
+    def counted(presses, plain, parts):
+        fitted.append(presses.settings is FREE_COMPLIANCE)
+        return fit_set(presses, plain, parts)
+
+    monkeypatch.setattr(contact_law_sets, "fit_set", counted)
+    names = ("free_stiffening", "touch_threshold")
+    found = own.fit([own.begun(CATALOGUE[name], {}) for name in names], law.plain.compliance)
+    split_sets(own, law.plain, found, CATALOGUE, lambda text: None, CONTACT_LAW)
+    assert len(fitted) > 5
+    assert sum(fitted) < len(fitted) / 2
 
 
 def test_a_ball_whose_touch_is_declared_at_a_force_is_found_under_a_flat_name(late_ball):

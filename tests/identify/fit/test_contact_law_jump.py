@@ -10,8 +10,8 @@ from fem import Contacts
 from identify.body.state import BodyState
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.readings import Readings
-from identify.fit.contact_law import contact_law, well_spread_presses
-from identify.fit.contact_law_sets import _nearest_shape
+from identify.fit.contact_law import contact_law
+from identify.fit.contact_law_sets import _nearest_shape, well_spread_presses
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE_TRIAL
 from identify.measurement.noise import Noise

@@ -1,9 +1,9 @@
 """Maps of other forms, for an unexplained scan: would one do, or does none.
 
-Two fits answer it. Each press with a compliance of its own bounds every map: a residual that this
-leaves is none of stiffness. Where it leaves little, a free map is fitted in place of the
-inclusions. Of the effects that were added only those stay that the presses call for: a wrong map
-brings in others.
+Two fits answer it. Each press on a body of its own (under a flat tip, a compliance of its own)
+bounds every map: a residual that this leaves is none of stiffness. Where it leaves little, a free
+map is fitted in place of the inclusions. Of the effects that were added only those stay that the
+presses call for: a wrong map brings in others.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.special import chdtrc
 from identify.effects.unknown_course import UNKNOWN
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
-from identify.fit.free_compliance_start import free_compliance
+from identify.fit.free_compliance_start import free_compliance, on_any_body
 from identify.fit.free_map.parametric_evidence import parametric_evidence
 from identify.fit.free_map_start import fit_free_map
 from identify.fit.result import FitResult
@@ -45,7 +45,8 @@ class OtherMap:
         that acts on compliances, may be imitated. `rough_map`: it leaves noise only with an error
         of its own in each press (`map_error`), so that places, tips or contacts may differ from
         press to press. `no_map`: structure remains, so that its cause is none of stiffness.
-        `undecided`: the presses alone leave a map possible, and no free map was found
+        `undecided`: the presses alone leave a map possible, and no free map was found, or under a
+        ball none that bends their curves as they ask for
     chi2_per_dof : of the free map, or of the presses with a compliance each where no free map was
         needed or found
     left : share of the unexplained chi-square that remains
@@ -96,8 +97,10 @@ def other_map(
         (_alone(presses, parts, last) for parts in (given, named)),
         key=lambda fit: fit.chi2 + fit.unknowns * np.log(len(fit.residual)),
     )
-    left = (alone.chi2 - alone.dof) / excess
-    noise = chdtrc(alone.dof, alone.chi2) >= settings.sure
+    alone = on_any_body(presses, alone)
+    least = alone.chi2_on_any_body
+    left = (least - alone.dof) / excess
+    noise = chdtrc(alone.dof, least) >= settings.sure
     if not noise and left > settings.elsewhere and not last.model.noise.estimated:
         return OtherMap("no_map", alone.chi2_per_dof, min(left, 1.0), effects=alone.names)
     start.experiment.say("fitting a free map in place of the inclusions")
@@ -110,7 +113,8 @@ def other_map(
         fit = None
     if fit is None or not fit.success:
         return OtherMap("undecided", alone.chi2_per_dof, max(left, 0.0), effects=alone.names)
-    return _answer(fit, last, free, excess, settings)
+    bent = least < alone.chi2 and left <= settings.elsewhere
+    return _answer(fit, last, free, excess, bent, settings)
 
 
 def _alone(
@@ -126,8 +130,10 @@ def _answer(
     last: FitResult,
     free: PlacedExperiment,
     excess: float,
+    bent: bool,
     settings: SelectionSettings,
 ) -> OtherMap:
+    """Judge a free map; `bent`: bodies that bend a ball's curves more leave little by press."""
     uncertain, at = fit.model.map_uncertainty, last.solution
     assert fit.field is not None
     assert uncertain is not None
@@ -135,7 +141,7 @@ def _answer(
     # Not from the criterion: a free map counts presses that scatter more than the noise less
     few = parametric_evidence(at.model, at.at.body, at.u, uncertain.felt)
     error, more = fit.field.hyper.error, float(fit.field.log_evidence - few)
-    answer: Answer = "no_map"
+    answer: Answer = "undecided" if bent else "no_map"
     if compare(fit, free.scan, settings.residual).is_noise:
         smooth: Answer = "another_map" if more > settings.margin / 2 else "either"
         answer = smooth if error <= settings.rough else "rough_map"

@@ -140,6 +140,19 @@ class FreeCompliance:
                 break
         return best
 
+    def residual(
+        self, found: FreeComplianceFit, log_c: np.ndarray, log_e: np.ndarray, growth: np.ndarray
+    ) -> np.ndarray:
+        """Return the whitened residual (m,) beside a fit's effects on other bodies.
+
+        `log_c`, `log_e` and `growth` (j,) are those of the compliance, the modulus under the tip
+        and the contact, see `identify.effects.sphere`.
+        """
+        chain = replace(self.chain([part.effect for part in found.parts]), growth=growth)
+        c, e = np.exp(log_c), np.exp(log_e)
+        judged = judge(chain, c, e, self.displacement_m, self.noise, found.values)
+        return self._white(judged, judged.residual_m)
+
     def _fit(
         self, parts: Sequence[EffectInModel], compliance: np.ndarray | None, weight: np.ndarray
     ) -> FreeComplianceFit:

@@ -34,6 +34,8 @@ class FreeComplianceFit:
     at_bound : names of parameters at a bound other than their null
     felt : (j,) bool, presses that met resistance; the others, of noise alone, count for nothing
     settings : of the fit
+    on_any_body : (j,) least chi-square of each press on a body of any kind, see
+        `identify.fit.free_compliance_start.on_any_body`; None where it was not asked for
     """
 
     parts: tuple[EffectInModel, ...]
@@ -46,6 +48,7 @@ class FreeComplianceFit:
     at_bound: tuple[str, ...]
     felt: np.ndarray
     settings: FreeComplianceSettings = FREE_COMPLIANCE
+    on_any_body: np.ndarray | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -95,6 +98,12 @@ class FreeComplianceFit:
         presses = len(self.compliance)
         squares = np.bincount(self.press, self.residual**2, presses)
         return squares, np.bincount(self.press, minlength=presses)
+
+    @property
+    def chi2_on_any_body(self) -> float:
+        """Chi-square of the readings that count, where each press is on a body of any kind."""
+        least = self.by_press[0] if self.on_any_body is None else self.on_any_body
+        return float(np.sum(least[self.felt]))
 
     @property
     def weight(self) -> np.ndarray:

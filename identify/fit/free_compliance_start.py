@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from fem.palpation import by_contact_radius
 from identify.body.mechanics import BodyMechanics
@@ -23,9 +24,11 @@ from identify.map.initial_guess import REFERENCE_PA
 from identify.measurement.effect_in_model import EffectInModel
 from identify.measurement.experiment import BodyModel
 from identify.measurement.noise import Noise
+from identify.optimize.side_by_side import minimize_side_by_side
 from models import Scan
 
 Say = Callable[[str], None]
+_NOISE = 0.01  # level of a press's chi-square beyond which it is off
 
 
 def free_compliance(scan: Scan, body: BodyModel, noise: Noise) -> FreeCompliance:
@@ -70,8 +73,39 @@ def law_of(
     fit = presses.fit(stated) if stated else plain
     # Curves that are bent anyway are no straight lines to start from: the law is sought sooner
     if fit.chi2_per_dof < (settings.bent_ball if curved else settings.bent):
-        return ContactLaw(fit, fit, {}, settings) if curved else None
-    return contact_law(presses, catalogue, stated, say, settings, tried)
+        return ContactLaw(fit, on_any_body(presses, fit), {}, settings) if curved else None
+    law = contact_law(presses, catalogue, stated, say, settings, tried)
+    return replace(law, found=on_any_body(presses, law.found))
+
+
+def on_any_body(presses: FreeCompliance, found: FreeComplianceFit) -> FreeComplianceFit:
+    """Return a fit with the least chi-square of each press on a body of any kind.
+
+    A flat tip feels one number of the body, the compliance. A ball feels how that goes with its
+    growing contact, too: over a thin soft layer on a hard lump a contact stiffens up to four times
+    as fast as on an even body. Three numbers describe it in `identify.effects.sphere`: compliance,
+    modulus under the tip, and growth. Presses of noise alone keep what they have.
+    """
+    (squares, count), s = found.by_press, presses.settings
+    off = squares > chdtri(np.maximum(count - 1, 1), _NOISE)
+    if presses.growth is None or not (off & presses.felt).any():
+        return replace(found, on_any_body=squares)
+    even = presses.unit_compliance / found.compliance
+    start = np.log(found.compliance), np.log(even)
+    lower = np.array([start[0] - s.own_compliance, start[1] - s.own_modulus, presses.growth])
+    upper = np.array([start[0] + s.own_compliance, start[1] + s.own_modulus, presses.growth])
+    lower[2], upper[2] = s.own_growth
+    least = squares
+    for growth in (presses.growth, np.full_like(presses.growth, s.stiffening)):
+        _, own = minimize_side_by_side(
+            lambda x: presses.residual(found, *x),
+            presses.readings.press,
+            np.array([*start, growth]),
+            (lower, upper),
+            np.full(3, s.own_step),
+        )
+        least = np.minimum(least, own)
+    return replace(found, on_any_body=np.where(off, least, squares))
 
 
 def straight(scan: Scan, found: FreeComplianceFit) -> Scan:

@@ -179,6 +179,10 @@ class FreeComplianceSettings:
     unfelt : a parameter stands still whose scale moves the readings by less, in their noise
     ftol, rtol : decrease of half of chi-square that ends a fit, absolute and relative
     max_evaluations : of a fit
+    own_compliance, own_modulus : largest changes of ln C and ln E of a press on a body of any kind
+    own_growth, stiffening : range of the growth of its contact there (0 of a plate over a soft
+        body, -4 of a bonded layer that is incompressible and thin), and a start beside the even one
+    own_step : of difference quotients by these
     """
 
     compliance_steps: int = 12
@@ -194,6 +198,11 @@ class FreeComplianceSettings:
     ftol: float = 0.05
     rtol: float = 1e-4
     max_evaluations: int = 30
+    own_compliance: float = 1.0
+    own_modulus: float = 4.0
+    own_growth: tuple[float, float] = (-4.0, 0.0)
+    stiffening: float = -2.0
+    own_step: float = 1e-4
 
 
 FREE_COMPLIANCE = FreeComplianceSettings()

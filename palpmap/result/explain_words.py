@@ -143,6 +143,12 @@ each press has a stiffness of its own. The missing cause is no stiffness.'
             f"A map of another form does not either: {beside}{percent(other.left)} of the misfit "
             "remains with a free map. The missing cause is more than stiffness."
         )
+    if other.answer == "undecided" and other.more_evidence is not None:
+        return (
+            f"Whether a map of another form would do is not decided: {beside}a free map leaves "
+            f"{percent(other.left)} of the misfit, but the single presses do not exclude one that "
+            "changes more within the reach of a contact."
+        )
     if other.answer == "undecided":
         return (
             "Whether a map of another form would do is not decided: the single presses do not "

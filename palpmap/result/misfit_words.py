@@ -70,16 +70,26 @@ def beyond_noise(times: float) -> str:
 
 
 def _with_any_map(explained: Explanation, few: np.ndarray) -> str:
-    """Say how much of their misfit some presses keep with a compliance of their own each."""
+    """Say how much of their misfit some presses keep, each on a body of its own."""
     fit, law = explained.final.fit, next((a.law for a in explained.accepted if a.law), None)
     if law is None:
         return ""
     squares, count = law.by_press
     by_map = np.bincount(fit.press_index, fit.at.residual**2)
-    kept = np.sum((squares - count)[few]) / np.sum((by_map - count)[few])
+    whole = np.sum((by_map - count)[few])
+    kept = np.sum((squares - count)[few]) / whole
     if kept < _MOST_KEPT:
         return ""
     names = listed([effect.name for effect in explained.accepted])
+    least = squares if law.on_any_body is None else law.on_any_body
+    bent = np.sum((least - count)[few]) / whole
+    if bent < _MOST_KEPT:
+        return (
+            f" A stiffness of its own for each of these presses leaves {percent(min(kept, 1.0))} "
+            f"of their misfit beside {names}, but one that changes within the reach of the growing "
+            f"contact leaves {percent(max(bent, 0.0))}: the body may be hard or soft close below "
+            "the surface there, more sharply than this map has it."
+        )
     return (
         f" If each of these presses has a stiffness of its own, {percent(min(kept, 1.0))} of their "
         f"misfit remains beside {names}: no map takes it, of whatever form. Their contact, or "

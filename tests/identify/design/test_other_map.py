@@ -144,6 +144,10 @@ def test_the_evidence_of_both_maps_counts_presses_alike(monkeypatch):
     )  # fmt: skip
     solution = SimpleNamespace(model="model", at=SimpleNamespace(body="body"), u="u")
     last: Any = SimpleNamespace(solution=solution, bic=200.0)
-    found = question._answer(free, last, SimpleNamespace(scan=None), 1.0, SELECTION)
+    found = question._answer(free, last, SimpleNamespace(scan=None), 1.0, False, SELECTION)
     assert asked == [("model", "body", "u", felt)]
     assert (found.answer, found.more_evidence) == ("either", 2.0)
+    monkeypatch.setattr(question, "compare", lambda *_: SimpleNamespace(is_noise=False))
+    for bent, answer in ((False, "no_map"), (True, "undecided")):
+        found = question._answer(free, last, SimpleNamespace(scan=None), 1.0, bent, SELECTION)
+        assert found.answer == answer

@@ -28,13 +28,20 @@ def test_a_better_fit_with_a_larger_error_in_length_says_why():
     assert rise_note(before, step(249e-6, 4000.0, 61e-6, "strain_stiffening")) == []
 
 
-def few_of_twenty(kept: float) -> str:
-    """Two hard presses of twenty keep a share of their misfit with a stiffness of their own."""
+def few_of_twenty(kept: float, on_any_body: float | None = None) -> str:
+    """Two hard presses of twenty keep a share of their misfit with a stiffness of their own.
+
+    Another share they keep on any body, under a ball.
+    """
     press = np.repeat(np.arange(20), 10)
     residual = np.where(np.isin(press, (3, 11)), 5.0, 1.0)
     squares = np.full(20, 10.0)
     squares[[3, 11]] += kept * 240.0
-    law = SimpleNamespace(by_press=(squares, np.full(20, 10)))
+    least = None
+    if on_any_body is not None:
+        least = np.full(20, 10.0)
+        least[[3, 11]] += on_any_body * 240.0
+    law = SimpleNamespace(by_press=(squares, np.full(20, 10)), on_any_body=least)
     compliance = np.where(np.isin(np.arange(20), (3, 11)), 0.25, 1.0)
     fit = SimpleNamespace(
         press_index=press, chi2=float(residual @ residual), dof=200,
@@ -52,7 +59,15 @@ def test_few_presses_that_no_map_meets_are_told():
     assert "100 % of it, where the body is 4.0 times as hard" in says
     assert "90 % of their misfit remains beside touch_threshold: no map takes it" in says
     assert "no map" not in few_of_twenty(0.3)
+    assert "no map takes it" in few_of_twenty(0.9, 0.8)
     assert "the residual of all others is no larger than the noise." in says
+
+
+def test_few_presses_that_a_sharper_map_would_meet_are_no_other_physics():
+    says = few_of_twenty(0.9, 0.1)
+    assert "no map" not in says
+    assert "leaves 90 % of their misfit beside touch_threshold" in says
+    assert "the growing contact leaves 10 %: the body may be hard or soft close below" in says
 
 
 def test_where_few_presses_hold_the_structure_the_map_is_doubtful_under_them_alone():

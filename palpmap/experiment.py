@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from pydantic import ValidationError
 
 from identify import PlacedExperiment, Progress, silent
@@ -127,6 +128,11 @@ class Experiment:
         )  # fmt: skip
         study = self.study.model_copy(update={"map": table})
         return Experiment.of(self.scan, study, self.source)
+
+    def of_presses(self, ids: Collection[int]) -> Experiment:
+        """Return the experiment with some of its presses, by their ids."""
+        kept = np.isin(self.scan.press, np.array([*ids]))
+        return Experiment.of(self.scan.rows(kept), self.study, self.source)
 
     def opened(
         self, say: Progress = silent, thin: bool = True, noise: ScanNoise | None = None

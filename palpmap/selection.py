@@ -106,8 +106,9 @@ def explain(
         problem = replace(problem, **{f.name: getattr(answered, f.name) for f in fields(answered)})
 
     def free() -> PlacedExperiment:
-        known = problem.experiment.noise
-        return experiment.of_kind("free").opened(progress, noise=known)
+        # Of the presses that the inclusions were fitted to: a free map would take more of them
+        same = experiment.of_kind("free").of_presses(problem.scan.press_ids)
+        return same.opened(progress, noise=problem.experiment.noise)
 
     other = other_map(found, problem, free)
     assessment = assess(found, problem.catalogue, without, progress, other)

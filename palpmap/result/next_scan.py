@@ -37,9 +37,11 @@ def next_presses_records(
         for number, proposal in enumerate(assessment.next_presses[:_MOST], start=1)
     ]
     if assessment.outlying:
+        several = len(assessment.outlying) > 1
+        they = ("presses", "they come", "they") if several else ("press", "it comes", "it")
         repeat = NextPressesRecord(
-            change=f"Repeat presses {', '.join(map(str, assessment.outlying))}",
-            why="if they come out otherwise this time, they had gone wrong",
+            change=f"Repeat {they[0]} {', '.join(map(str, assessment.outlying))}",
+            why=f"if {they[1]} out otherwise this time, {they[2]} had gone wrong",
             discrimination=None,
             presses=len(assessment.repeat),
             duration_s=assessment.repeat.duration_s,

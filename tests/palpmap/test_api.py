@@ -10,6 +10,7 @@ import pytest
 
 import palpmap as pm
 from palpmap import selection
+from palpmap.study import open_study
 from tests.paths import LAB, ROOT
 
 TWELVE = ROOT / "tests" / "data" / "twelve_presses" / "study.toml"
@@ -205,3 +206,20 @@ def test_an_explanation_tells_of_the_start_that_it_was_made_from(monkeypatch):
     why = pm.explain(study, [pm.CATALOGUE["contact_offset"]])
     assert why.problem.model.press_error == 0.25
     assert why.problem.study == study.study
+
+
+def test_a_free_map_beside_a_thinned_scan_has_the_presses_of_the_inclusions(monkeypatch):
+    """Of a scan of hundreds of presses it would take more of them, with which none can compare."""
+    monkeypatch.setattr(open_study, "MOST_PRESSES", 8)
+    asked = []
+
+    def other_map(found, problem, open_free):
+        asked.append((problem.scan.press_ids, open_free().scan.press_ids))
+
+    monkeypatch.setattr(selection, "other_map", other_map)
+    study = pm.read_study(TWELVE)
+    assert len(study.scan.press_ids) == 12
+    pm.explain(study, [pm.CATALOGUE["contact_offset"]])
+    ((of_inclusions, of_free_map),) = asked
+    assert len(of_inclusions) == 8
+    assert np.array_equal(of_free_map, of_inclusions)

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from fem.palpation import by_contact_radius
 from identify.body.mechanics import BodyMechanics
+from identify.body.response import BodyResponse
 from identify.fit.start_map import fit_map
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.experiment import BodyModel, MapGuess, PlacedExperiment, contacts_of
@@ -64,6 +65,17 @@ def test_two_balls_agree_on_the_modulus_within_its_interval():
     assert lines.chi2_per_dof > 10 * fit.chi2_per_dof
 
 
+def assert_growth_by_map_is_a_quotient(mechanics: BodyMechanics, body: BodyResponse) -> None:
+    for k, value in enumerate(LUMP):
+        step = 1e-4 * value * np.eye(6)[k]
+        up, down = (
+            mechanics.evaluate(GaussianMap.from_values(LUMP + s), mechanics.state()).growth
+            for s in (step, -step)
+        )
+        quotient = (up - down) / (2 * step[k])
+        assert_allclose(body.growth_by_map[:, k], quotient, rtol=1e-3, atol=1e-4 / value)
+
+
 def test_a_correction_to_a_finer_mesh_leaves_the_derivative_of_the_growth():
     points, down = (
         np.array([[0.02, 0.02, 0.016], [0.02, 0.03, 0.016]]),
@@ -80,14 +92,7 @@ def test_a_correction_to_a_finer_mesh_leaves_the_derivative_of_the_growth():
     assert trend is not None
     assert np.abs(trend.by_map(stiffness) * LUMP).max() > 0.01
     body = mechanics.evaluate(stiffness, state)
-    for k, value in enumerate(LUMP):
-        step = 1e-4 * value * np.eye(6)[k]
-        up, down = (
-            mechanics.evaluate(GaussianMap.from_values(LUMP + s), state).growth
-            for s in (step, -step)
-        )
-        quotient = (up - down) / (2 * step[k])
-        assert_allclose(body.growth_by_map[:, k], quotient, rtol=1e-3, atol=1e-4 / value)
+    assert_growth_by_map_is_a_quotient(mechanics, body)
 
 
 @pytest.mark.slow
@@ -101,14 +106,7 @@ def test_the_growth_of_a_contact_follows_the_map():
     growth = by_contact_radius(own) / own.compliance
     assert np.ptp(growth) > 0.05  # it differs over the lump
     assert_allclose(body.growth, growth, atol=0.03)  # a law through two contacts, and a slope
-    for k, value in enumerate(LUMP):
-        step = 1e-4 * value * np.eye(6)[k]
-        up, down = (
-            mechanics.evaluate(GaussianMap.from_values(LUMP + s), state).growth
-            for s in (step, -step)
-        )
-        quotient = (up - down) / (2 * step[k])
-        assert_allclose(body.growth_by_map[:, k], quotient, rtol=1e-3, atol=1e-4 / value)
+    assert_growth_by_map_is_a_quotient(mechanics, body)
     skins = [state.changed(skin_thickness_m=1e-3, skin_factor=f) for f in (1.5, 1.51)]
     base, thicker = (mechanics.evaluate(stiffness, s) for s in skins)
     change = thicker.growth - base.growth

@@ -128,7 +128,7 @@ def other_map_sentence(other: OtherMapRecord | None) -> str:
     >>> other_map_sentence(OtherMapRecord(answer="no_map", chi2_per_dof=9.5, left=0.92,
     ...     map_error=0.0, more_evidence=None, effects=("viscoelasticity",)))
     'No map does either, of whatever form: beside viscoelasticity, 92 % of the misfit remains if \
-each press has a stiffness of its own. The missing cause is no stiffness.'
+each press is on a body of its own. The missing cause is no stiffness.'
     """
     if other is None:
         return ""
@@ -136,23 +136,21 @@ each press has a stiffness of its own. The missing cause is no stiffness.'
     if other.answer == "no_map" and other.more_evidence is None:
         return (
             f"No map does either, of whatever form: {beside}{percent(other.left)} of the misfit "
-            "remains if each press has a stiffness of its own. The missing cause is no stiffness."
+            "remains if each press is on a body of its own. The missing cause is no stiffness."
         )
     if other.answer == "no_map":
         return (
             f"A map of another form does not either: {beside}{percent(other.left)} of the misfit "
             "remains with a free map. The missing cause is more than stiffness."
         )
-    if other.answer == "undecided" and other.more_evidence is not None:
-        return (
-            f"Whether a map of another form would do is not decided: {beside}a free map leaves "
-            f"{percent(other.left)} of the misfit, but the single presses do not exclude one that "
-            "changes more within the reach of a contact."
-        )
     if other.answer == "undecided":
+        found = "the search for a free map did not end"
+        if other.more_evidence is not None:  # under a ball
+            left = f"leaves {percent(other.left)} of the misfit"
+            found = f"{beside}a free map, which is smooth below a contact, {left}"
         return (
             "Whether a map of another form would do is not decided: the single presses do not "
-            "exclude it, but the search for a free map did not end."
+            f"exclude it, but {found}."
         )
     more = f"chi-square per degree of freedom {other.chi2_per_dof:.3g}"
     if other.more_evidence is not None:

@@ -90,8 +90,9 @@ def _with_any_map(explained: Explanation, few: np.ndarray) -> str:
             f"contact leaves {percent(max(bent, 0.0))}: the body may be hard or soft close below "
             "the surface there, more sharply than this map has it."
         )
+    own = "a stiffness" if bent == kept else "a stiffness and a growth of the contact"
     return (
-        f" If each of these presses has a stiffness of its own, {percent(min(kept, 1.0))} of their "
+        f" If each of these presses has {own} of its own, {percent(min(bent, 1.0))} of their "
         f"misfit remains beside {names}: no map takes it, of whatever form. Their contact, or "
         "their readings, are of another kind than the others'."
     )

@@ -1,5 +1,6 @@
 """Proposed scans as press programs (docs/files.md)."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,11 +38,10 @@ def next_presses_records(
         for number, proposal in enumerate(assessment.next_presses[:_MOST], start=1)
     ]
     if assessment.outlying:
-        several = len(assessment.outlying) > 1
-        they = ("presses", "they come", "they") if several else ("press", "it comes", "it")
+        change, why = _repeated(assessment.outlying)
         repeat = NextPressesRecord(
-            change=f"Repeat {they[0]} {', '.join(map(str, assessment.outlying))}",
-            why=f"if {they[1]} out otherwise this time, {they[2]} had gone wrong",
+            change=change,
+            why=why,
             discrimination=None,
             presses=len(assessment.repeat),
             duration_s=assessment.repeat.duration_s,
@@ -81,6 +81,21 @@ def _why(proposal: Proposal) -> str:
     pairs = ", ".join(f"{a} from {b}" for a, b in proposal.separated)
     alike = ", ".join(f"{a} and {b}" for a, b in proposal.alike)
     return f"it separates {pairs} ({by} or more); still alike would be {alike}"
+
+
+def _repeated(ids: Sequence[int]) -> tuple[str, str]:
+    """Return what is asked of outlying presses, and why.
+
+    >>> _repeated((340,))
+    ('Repeat press 340', 'if it comes out otherwise this time, it had gone wrong')
+    >>> _repeated((6, 17))
+    ('Repeat presses 6, 17', 'if they come out otherwise this time, they had gone wrong')
+    """
+    presses, come, they = ("press", "it comes", "it")
+    if len(ids) > 1:
+        presses, come, they = ("presses", "they come", "they")
+    change = f"Repeat {presses} {', '.join(map(str, ids))}"
+    return change, f"if {come} out otherwise this time, {they} had gone wrong"
 
 
 def _asked(proposal: Proposal, present: int) -> str:

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from palpmap.result.explain_words import unreliable
+from palpmap.result.explain_words import other_map_sentence, unreliable
 from palpmap.result.misfit_words import few_presses_words, rise_note
 from palpmap.result.presses_words import first_readings_sentence
+from palpmap.result.records import OtherMapRecord
 
 
 def step(rms_m: float, chi2: float, noise_m: float, *names: str) -> Any:
@@ -59,7 +60,10 @@ def test_few_presses_that_no_map_meets_are_told():
     assert "100 % of it, where the body is 4.0 times as hard" in says
     assert "90 % of their misfit remains beside touch_threshold: no map takes it" in says
     assert "no map" not in few_of_twenty(0.3)
-    assert "no map takes it" in few_of_twenty(0.9, 0.8)
+    assert (
+        "a stiffness and a growth of the contact of its own, 80 % of their misfit remains beside "
+        "touch_threshold: no map takes it"
+    ) in few_of_twenty(0.9, 0.8)
     assert "the residual of all others is no larger than the noise." in says
 
 
@@ -68,6 +72,14 @@ def test_few_presses_that_a_sharper_map_would_meet_are_no_other_physics():
     assert "no map" not in says
     assert "leaves 90 % of their misfit beside touch_threshold" in says
     assert "the growing contact leaves 10 %: the body may be hard or soft close below" in says
+
+
+def test_a_free_map_that_is_too_smooth_leaves_the_question_of_another_map_open():
+    tried = {"answer": "undecided", "chi2_per_dof": 2.0, "left": 0.6, "effects": ("play",)}
+    says = other_map_sentence(OtherMapRecord(**tried, map_error=0.0, more_evidence=3.0))
+    assert "beside play, a free map, which is smooth below a contact, leaves 60 %" in says
+    without = other_map_sentence(OtherMapRecord(**tried, map_error=0.0, more_evidence=None))
+    assert "the search for a free map did not end." in without
 
 
 def test_where_few_presses_hold_the_structure_the_map_is_doubtful_under_them_alone():

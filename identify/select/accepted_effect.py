@@ -74,6 +74,12 @@ class AcceptedEffect:
         return (*self.equivalents, *(name for name in others if name not in self.equivalents))
 
     @property
+    def meets_presses(self) -> bool:
+        """True if its contact law leaves noise in nearly all presses, each on its own body."""
+        share = self.law.noise_share if self.law and self.shown_by_presses else 0.0
+        return share >= self.settings.meets_presses
+
+    @property
     def is_unknown(self) -> bool:
         """Whether it is a course that stands in for a cause outside the catalogue."""
         return any(c.name == self.name and c.family == UNKNOWN for c in self.candidates)

@@ -98,10 +98,11 @@ class Explanation:
         """Groups of effects that explain the scan equally well.
 
         Single bad presses are among them, and the unknown cause in place of an effect whose values
-        are doubted. None beside a structured residual, which may be the cause of each.
+        are doubted. Beside a structured residual, which may be the cause of each, those alone that
+        the contact law of the presses calls for and that leave noise in nearly all of them.
         """
         if not self.told_apart:
-            return ()
+            return tuple(a.group for a in self.accepted if a.meets_presses and not a.decided)
         hidden = self.parts_of_unknown
         groups = tuple(
             a.group for a in self.accepted if not (a.decided or a.is_unknown or a.name in hidden)

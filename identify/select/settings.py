@@ -128,6 +128,9 @@ class SelectionSettings:
         may have hidden the explanation of the others; what each press with a compliance of its own
         must leave of it to exclude every map; what one effect must take of it to be sought beside
         a map that has an error of its own; and what presses found to stand apart, too, must hold
+    meets_presses : least share of the presses in which a contact law leaves noise for its group to
+        stand beside a structured residual: 98 % with the touch of a robot on a slab that is not the
+        body, 83 % with effects that imitate a sticky tip
     rough : relative error of a free map in each press's compliance beyond which it is no error of
         its form
     diagnosis, residual, cross_validation : of the analysis of each step. Of a hundred scans with
@@ -177,6 +180,7 @@ class SelectionSettings:
     first_evaluations: int = 40
     of_lead: float = 0.5
     elsewhere: float = 0.5
+    meets_presses: float = 0.95
     rough: float = 0.01
     diagnosis: DiagnosisSettings = DIAGNOSIS
     residual: ResidualSettings = BESIDE_EFFECTS

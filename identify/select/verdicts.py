@@ -57,7 +57,8 @@ def _in_group(
     others = tuple(other for other in group if other != name)
     if name in explained.added:
         return "supported", others
-    if not explained.told_apart or name in explained.parts_of_unknown:
+    offered = explained.told_apart or group in explained.ambiguous
+    if not offered or name in explained.parts_of_unknown:
         return "helps", ()
     if others:
         return "indistinguishable", others

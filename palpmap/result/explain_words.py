@@ -17,6 +17,7 @@ from palpmap.result.misfit_words import (
     listed,
     little_left_words,
     only_mends_words,
+    other_map_sentence,
     presses_apart_words,
     rise_note,
 )
@@ -122,59 +123,6 @@ def by_chance(explained: Explanation) -> str:
     return last.statement if last.is_noise and last.p_value < last.alpha else ""
 
 
-def other_map_sentence(other: OtherMapRecord | None) -> str:
-    """Say whether a map of another form would leave noise.
-
-    >>> other_map_sentence(OtherMapRecord(answer="no_map", chi2_per_dof=9.5, left=0.92,
-    ...     map_error=0.0, more_evidence=None, effects=("viscoelasticity",)))
-    'No map does either, of whatever form: beside viscoelasticity, 92 % of the misfit remains if \
-each press is on a body of its own. The missing cause is no stiffness.'
-    """
-    if other is None:
-        return ""
-    beside = f"beside {listed(other.effects)}, " if other.effects else ""
-    if other.answer == "no_map" and other.more_evidence is None:
-        return (
-            f"No map does either, of whatever form: {beside}{percent(other.left)} of the misfit "
-            "remains if each press is on a body of its own. The missing cause is no stiffness."
-        )
-    if other.answer == "no_map":
-        return (
-            f"A map of another form does not either: {beside}{percent(other.left)} of the misfit "
-            "remains with a free map. The missing cause is more than stiffness."
-        )
-    if other.answer == "undecided":
-        found = "the search for a free map did not end"
-        if other.more_evidence is not None:  # under a ball
-            left = f"leaves {percent(other.left)} of the misfit"
-            found = f"{beside}a free map, which is smooth below a contact, {left}"
-        return (
-            "Whether a map of another form would do is not decided: the single presses do not "
-            f"exclude it, but {found}."
-        )
-    more = f"chi-square per degree of freedom {other.chi2_per_dof:.3g}"
-    if other.more_evidence is not None:
-        side = "above" if other.more_evidence > 0 else "below"
-        more += f", log evidence {abs(other.more_evidence):.3g} {side} that of the inclusions"
-    if other.answer == "another_map":
-        alone = "" if other.effects else ", and it needs no effect beside it"
-        return (
-            f"A map of another form would do: {beside}a free map leaves noise ({more}){alone}. "
-            "Causes that act on compliances alone (support, tool, shape of the body) may hide in "
-            "such a map. The numbers below are those of the map that does not do."
-        )
-    if other.answer == "either":
-        return (
-            f"A map of another form could take it, but the scan speaks against it: {beside}a free "
-            f"map leaves noise too ({more}). Map or physics is not decided here."
-        )
-    return (
-        f"No smooth map does: {beside}a free map leaves noise only with an error of "
-        f"{percent(other.map_error)} in each press ({more}). Places, tips or contacts may differ "
-        "from press to press."
-    )
-
-
 def step_labels(ladder: Sequence[Sequence[str]]) -> list[str]:
     """Return the change of each step, given the names of its effects.
 
@@ -196,15 +144,18 @@ def _help(explained: Explanation) -> str:
     names = [a.name for a in explained.accepted]
     if not names:
         return _nearest(explained)
-    if explained.map_error and explained.added:
+    called = listed([*explained.added, *(" or ".join(group) for group in explained.ambiguous)])
+    if explained.map_error and called:
         return (
-            f"The single presses call for {listed(explained.added)}, with any map. In "
-            "displacement, most of the residual comes from the map. "
+            f"The single presses call for {called}, with any map. In displacement, most of the "
+            "residual comes from the map. "
         )
     text = f"{listed(names)} {'takes' if len(names) == 1 else 'take'} "
     text += f"{percent(explained.explained_share)} of the unexplained error"
     if explained.added:
         return f"{text}; the rest has another cause. "
+    if called:
+        return f"{text}. The single presses call for {called}, with any map. "
     return (
         f"{text}: a help, not the answer, as the structure that remains may be the cause of all "
         "that they seem to show. "

@@ -1,4 +1,4 @@
-"""The misfit of a step in sentences: few presses that hold it, and an error that rises."""
+"""The misfit of a step in sentences: few presses that hold it, other maps, an error that rises."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,7 @@ from identify.effects import percent
 from identify.select import SELECTION, Explanation, PressesApart, Step
 from palpmap import units
 from palpmap.result.evidence import added_names
+from palpmap.result.records import OtherMapRecord
 
 _HARD = 0.7  # of the middle compliance
 _AS_NOISE = 1.05  # times the noise: as large as it, to two digits
@@ -151,4 +152,57 @@ def only_mends_words(explained: Explanation) -> str:
     return (
         f" Without {last}, structure is left. It takes {share} of what all explain, and may only "
         "mend the fit of the others."
+    )
+
+
+def other_map_sentence(other: OtherMapRecord | None) -> str:
+    """Say whether a map of another form would leave noise.
+
+    >>> other_map_sentence(OtherMapRecord(answer="no_map", chi2_per_dof=9.5, left=0.92,
+    ...     map_error=0.0, more_evidence=None, effects=("viscoelasticity",)))
+    'No map does either, of whatever form: beside viscoelasticity, 92 % of the misfit remains if \
+each press is on a body of its own. The missing cause is no stiffness.'
+    """
+    if other is None:
+        return ""
+    beside = f"beside {listed(other.effects)}, " if other.effects else ""
+    if other.answer == "no_map" and other.more_evidence is None:
+        return (
+            f"No map does either, of whatever form: {beside}{percent(other.left)} of the misfit "
+            "remains if each press is on a body of its own. The missing cause is no stiffness."
+        )
+    if other.answer == "no_map":
+        return (
+            f"A map of another form does not either: {beside}{percent(other.left)} of the misfit "
+            "remains with a free map. The missing cause is more than stiffness."
+        )
+    if other.answer == "undecided":
+        found = "the search for a free map did not end"
+        if other.more_evidence is not None:  # under a ball
+            left = f"leaves {percent(other.left)} of the misfit"
+            found = f"{beside}a free map, which is smooth below a contact, {left}"
+        return (
+            "Whether a map of another form would do is not decided: the single presses do not "
+            f"exclude it, but {found}."
+        )
+    more = f"chi-square per degree of freedom {other.chi2_per_dof:.3g}"
+    if other.more_evidence is not None:
+        side = "above" if other.more_evidence > 0 else "below"
+        more += f", log evidence {abs(other.more_evidence):.3g} {side} that of the inclusions"
+    if other.answer == "another_map":
+        alone = "" if other.effects else ", and it needs no effect beside it"
+        return (
+            f"A map of another form would do: {beside}a free map leaves noise ({more}){alone}. "
+            "Causes that act on compliances alone (support, tool, shape of the body) may hide in "
+            "such a map. The numbers below are those of the map that does not do."
+        )
+    if other.answer == "either":
+        return (
+            f"A map of another form could take it, but the scan speaks against it: {beside}a free "
+            f"map leaves noise too ({more}). Map or physics is not decided here."
+        )
+    return (
+        f"No smooth map does: {beside}a free map leaves noise only with an error of "
+        f"{percent(other.map_error)} in each press ({more}). Places, tips or contacts may differ "
+        "from press to press."
     )

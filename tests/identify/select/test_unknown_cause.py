@@ -19,6 +19,7 @@ from identify.select.forward_selection import forward_selection
 from identify.select.outlying_presses import confirmed
 from identify.select.settings import SELECTION
 from identify.select.verdicts import effect_verdict
+from palpmap.result.explain_words import verdict_detail
 from tests.identify.select.loop_problem import TRUE, model
 from tests.identify.select.test_forward_selection import planted
 
@@ -123,6 +124,20 @@ def test_beside_structure_that_no_course_takes_nothing_is_offered_and_intervals_
     for name in TRUE.names:
         assert wide[name].std > own[name].std
         assert wide[name].lower95 < own[name].lower95 < own[name].upper95 < wide[name].upper95
+    # With a contact law that nearly all presses call for, each on a body of its own, it is
+    (offset,) = (a for a in found.accepted if a.name == "contact_offset")
+    other = replace(offset.candidates[0], name="touch_threshold")
+    for share, offered in ((0.98, True), (0.83, False)):
+        law: Any = SimpleNamespace(noise_share=share)
+        called = replace(
+            offset, candidates=(offset.candidates[0], other), shown_by_presses=True, law=law
+        )
+        answer = replace(found, accepted=(called,))
+        assert answer.ambiguous == (("contact_offset", "touch_threshold"),) * offered
+        verdict = effect_verdict(CATALOGUE["contact_offset"], answer)
+        assert verdict.verdict == ("indistinguishable" if offered else "helps")
+        words = "The single presses call for contact_offset or touch_threshold, with any map."
+        assert (words in verdict_detail(answer)) == offered
 
 
 def test_standard_errors_count_an_error_that_the_readings_of_a_press_share():

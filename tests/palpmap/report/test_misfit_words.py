@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from palpmap.result.explain_words import other_map_sentence, unreliable
-from palpmap.result.misfit_words import few_presses_words, rise_note
+from palpmap.result.explain_words import unreliable
+from palpmap.result.misfit_words import few_presses_words, other_map_sentence, rise_note
 from palpmap.result.presses_words import first_readings_sentence
 from palpmap.result.records import OtherMapRecord
 

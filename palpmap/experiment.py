@@ -211,20 +211,29 @@ def Block(
     )
 
 
-def FlatTip(radius_m: float) -> Probe:
-    """Return a flat, round tip of a radius in m.
+def FlatTip(radius_m: float, *, most_force_n: float | None = None) -> Probe:
+    """Return a flat, round tip.
+
+    Parameters
+    ----------
+    radius_m : m
+    most_force_n : largest force of the presses that are proposed; None is that of the scan
 
     Examples
     --------
     >>> import palpmap as pm
-    >>> pm.FlatTip(0.005)
-    Probe(tip='flat', radius_m=0.005)
+    >>> pm.FlatTip(0.005).radius_m
+    0.005
     """
-    return _checked(Probe, tip="flat", radius_m=radius_m)
+    return _checked(Probe, tip="flat", radius_m=radius_m, most_force_n=most_force_n)
 
 
-def Sphere(radius_m: float) -> Probe:
-    """Return a ball-shaped tip of a radius in m.
+def Sphere(radius_m: float, *, most_force_n: float | None = None) -> Probe:
+    """Return a ball-shaped tip.
+
+    Parameters
+    ----------
+    radius_m, most_force_n : see `FlatTip`
 
     Examples
     --------
@@ -232,7 +241,7 @@ def Sphere(radius_m: float) -> Probe:
     >>> pm.Sphere(0.004).tip
     'sphere'
     """
-    return _checked(Probe, tip="sphere", radius_m=radius_m)
+    return _checked(Probe, tip="sphere", radius_m=radius_m, most_force_n=most_force_n)
 
 
 def _checked(kind, /, **values):

@@ -111,7 +111,8 @@ def explain(
         return same.opened(progress, noise=problem.experiment.noise)
 
     other = other_map(found, problem, free)
-    assessment = assess(found, problem.catalogue, without, progress, other)
+    most = experiment.study.probe.most_force_n
+    assessment = assess(found, problem.catalogue, without, progress, other, most)
     found.final.fit.at.body.forget_other_models()  # hundreds of MB that no picture needs
     return Explanation.of(found, experiment, problem, assessment, seed)
 
@@ -144,5 +145,8 @@ def limits(
     fit = problem.joint
     progress("computing what this scan can see")
     found = tuple(detection_limits(fit, problem.catalogue))
-    better = better_scans(fit, problem.catalogue, found, progress) if plan else BetterScans()
+    most = experiment.study.probe.most_force_n
+    better = BetterScans()
+    if plan:
+        better = better_scans(fit, problem.catalogue, found, progress, most)
     return Limits(problem, fit, found, better)

@@ -225,8 +225,10 @@ class Explanation(Shown, Selection):
         kept : study that names the folder's own copies of its inputs
         files : of the user's own effects, by name
         """
+        from palpmap.result.next_scan import Sites, write_programs
         from palpmap.run_files.explain_run import write_explanation
 
+        write_programs(self.assessment, Sites.of(self.experiment.scan, self.experiment.study), run)
         write_explanation(
             run, self.problem, self, self.assessment, self.record, kept, files,
             self.experiment.source,

@@ -76,6 +76,7 @@ def assess(
     without: WithoutSuspects | None = None,
     say: Say = lambda text: None,
     other: OtherMap | None = None,
+    most_force_n: float | None = None,
     settings: DetectionSettings = DETECTION,
 ) -> Assessment:
     """Assess an explanation with the effects of a catalogue.
@@ -88,6 +89,7 @@ def assess(
     without : result without the outlying presses, None where there are none
     say : called with the present task, in words
     other : residual of an unexplained scan beside maps of any form
+    most_force_n : of the next presses, see `variations`
     settings : of the detection limits
     """
     first, last = explained.ladder[0].fit, explained.final.fit
@@ -114,7 +116,7 @@ def assess(
             for effect in catalogue
             if effect.name not in first.effect_names
         ),
-        next_presses=_next_presses(explained, catalogue, say),
+        next_presses=_next_presses(explained, catalogue, say, most_force_n),
         without=without,
         outlying=outlying,
         repeat=_again(explained, outlying),
@@ -187,7 +189,7 @@ def _again(explained: Explanation, outlying: Sequence[int]) -> Presses:
 
 
 def _next_presses(
-    explained: Explanation, catalogue: Sequence[Effect], say: Say
+    explained: Explanation, catalogue: Sequence[Effect], say: Say, most_force_n: float | None
 ) -> tuple[Proposal, ...]:
     """Return the scans that separate the last ambiguous group."""
     offered = explained.ambiguous
@@ -206,5 +208,5 @@ def _next_presses(
     timed = in_time and readings.time_s is not None
     presses = presses_of(readings)
     few = np.linspace(0, len(presses) - 1, min(PLAN.most, len(presses))).round().astype(int)
-    designs = designs_on_body(candidates[0][1], variations(presses.taken(few), timed))
+    designs = designs_on_body(candidates[0][1], variations(presses.taken(few), timed, most_force_n))
     return next_presses(candidates, designs, say)

@@ -222,6 +222,7 @@ def better_scans(
     catalogue: Sequence[Effect],
     limits: Sequence[Limit],
     say: Callable[[str], None],
+    most_force_n: float | None = None,
     settings: DetectionSettings = DETECTION,
 ) -> BetterScans:
     """Return the changed scans that see clearly smaller effects.
@@ -229,11 +230,13 @@ def better_scans(
     Parameters
     ----------
     limits : of the scan that was made; a changed scan must also see less than it does
+    most_force_n : see `variations`
     """
     readings = fit.model.readings
     presses = presses_of(readings)
-    all_at_once = mixed(presses)
-    designs = designs_on_body(fit, [*variations(presses, readings.time_s is not None), all_at_once])
+    all_at_once = mixed(presses, most_force_n)
+    variants = variations(presses, readings.time_s is not None, most_force_n)
+    designs = designs_on_body(fit, [*variants, all_at_once])
     plans = {
         plan.design.name: plan
         for plan in improvements(fit, catalogue, designs, say, settings, limits)

@@ -142,21 +142,31 @@ def readings_of(
 
 
 def variations(
-    presses: Presses, timed: bool, seed: int = 0, settings: PlanSettings = PLAN
+    presses: Presses,
+    timed: bool,
+    most_force_n: float | None = None,
+    seed: int = 0,
+    settings: PlanSettings = PLAN,
 ) -> Iterator[Design]:
-    """Yield scans that differ from the present one in one thing each."""
+    """Yield scans that differ from the present one in one thing each.
+
+    `most_force_n` : of any press; None is the largest of the present scan, and of its own place, as
+    robot, sensor and body have borne no more
+    """
+    presses, most = _borne(presses, most_force_n)
     j, slower = len(presses), settings.slower
     small, large = float(np.median(presses.radius_m)) * np.array(settings.radii)
     yield Design(
         "two_radii",
         f"with two tips, every other press {1e3 * small:.2g} mm and {1e3 * large:.2g} mm in radius",
-        _two_radii(presses, settings),
+        _two_radii(presses, most, settings),
     )
     yield Design("same", "once more as it is", presses)
-    force = np.where(np.arange(j) % 2 == 0, *settings.forces) * presses.force_n
+    shares = _forces(presses, most, settings)
+    told = " and ".join(_as_hard(share) for share in shares if share != 1.0)
     yield Design(
-        "two_forces", "with every other press half as hard and 1.5 times as hard",
-        replace(presses, force_n=force),
+        "two_forces", f"with every other press {told}",
+        replace(presses, force_n=np.resize(shares, j) * presses.force_n),
     )  # fmt: skip
     if not timed:
         return
@@ -179,25 +189,59 @@ def variations(
     )
 
 
-def mixed(presses: Presses, seed: int = 0, settings: PlanSettings = PLAN) -> Design:
-    """Return a scan of the same length with two tips, two forces and a random order."""
+def mixed(
+    presses: Presses,
+    most_force_n: float | None = None,
+    seed: int = 0,
+    settings: PlanSettings = PLAN,
+) -> Design:
+    """Return a scan of the same length with two tips, two forces and a random order.
+
+    `most_force_n` see `variations`.
+    """
+    presses, most = _borne(presses, most_force_n)
     order = np.random.default_rng(seed).permutation(len(presses))
-    both = _two_radii(presses, settings)
+    both = _two_radii(presses, most, settings)
     # Each tip with each force
-    share = np.resize(np.repeat(settings.forces, 2), len(presses))
+    share = np.resize(np.repeat(_forces(presses, most, settings), 2), len(presses))
     return Design(
         "mixed",
         "with two tips, two forces and the places in random order",
-        replace(both, force_n=share * both.force_n).taken(order),
+        replace(both, force_n=np.minimum(share * both.force_n, most)).taken(order),
     )
 
 
-def _two_radii(presses: Presses, settings: PlanSettings) -> Presses:
+def _borne(presses: Presses, most_force_n: float | None) -> tuple[Presses, float]:
+    """Return the presses with no more than a force, and that force, N."""
+    most = float(presses.force_n.max()) if most_force_n is None else most_force_n
+    return replace(presses, force_n=np.minimum(presses.force_n, most)), most
+
+
+def _forces(presses: Presses, most_n: float, settings: PlanSettings) -> tuple[float, float]:
+    """Return the two forces of a scan, in units of the present ones."""
+    soft, hard = settings.forces
+    borne = min(hard, most_n / float(presses.force_n.max()))
+    return borne * soft / hard, borne
+
+
+def _as_hard(share: float) -> str:
+    """Return a share of a force in words.
+
+    >>> _as_hard(1 / 3), _as_hard(0.5), _as_hard(1.5)
+    ('a third as hard', 'half as hard', '1.5 times as hard')
+    """
+    words = {1 / 3: "a third", 0.5: "half"}
+    near = (word for number, word in words.items() if abs(share / number - 1) < 0.02)
+    return f"{next(near, f'{share:.2g} times')} as hard"
+
+
+def _two_radii(presses: Presses, most_n: float, settings: PlanSettings) -> Presses:
     """Return the presses with a small and a large tip in turns."""
     turns = np.where(np.arange(len(presses)) % 2 == 0, *settings.radii)
     radius = turns * float(np.median(presses.radius_m))
     # Forces in proportion, so that all go about as deep as before
-    return replace(presses, radius_m=radius, force_n=presses.force_n * radius / presses.radius_m)
+    force = np.minimum(presses.force_n * radius / presses.radius_m, most_n)
+    return replace(presses, radius_m=radius, force_n=force)
 
 
 def _typical_span(readings: Readings, rows: np.ndarray) -> float:

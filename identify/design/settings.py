@@ -76,7 +76,7 @@ class PlanSettings:
     pause_s : shortest and longest rest before a press
     between_scans_s : rest between two scans of one body, to change the tip
     radii : of a scan with two tips, in units of the present tip
-    forces : peak forces of a scan with two, in units of the present ones
+    forces : peak forces of a scan with two, in units of the present ones, where these are borne
     slower : factor on holds and ramps of longer ones
     repeated : presses that are repeated at the end
     most : presses of a further scan; after a longer one, that many of its places, evenly

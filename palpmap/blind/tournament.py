@@ -297,9 +297,9 @@ def explain_trial(study: Path, out: Path, seed: int) -> AnswerRecord:
     """Run the loop of `palpmap explain` on a study, without report and recording."""
     from palpmap import api
     from palpmap.experiment import read_study
-    from palpmap.result.next_scan import write_programs
+    from palpmap.result.next_scan import Sites, write_programs
 
     why = api.explain(read_study(study), seed=seed)
-    write_programs(why.assessment, why.problem.experiment.origin_m, out)
+    write_programs(why.assessment, Sites.of(why.experiment.scan, why.experiment.study), out)
     why.record.write(out / "result.json")
     return AnswerRecord.read(out / "result.json")

@@ -27,6 +27,7 @@ KINDS = {"none": 0.15, "single": 0.55, "pair": 0.15, "outsider": 0.15}
 
 WORDS = ("none", "single", "pair", "outsider", "structured", "compliance", "form")
 ALIKE = frozenset({"finite_strain", "strain_stiffening"})
+MOST_FORCE = 3.0  # of the scan's largest: what the laboratory may press with in a further scan
 
 
 @dataclass(frozen=True)
@@ -216,6 +217,10 @@ def _study(folder: Path, trial: Trial, layout: Layout) -> Study:
             poisson_ratio=layout.poisson_ratio,
             cell_size_m=layout.cell_m,
         ),  # pyright: ignore[reportCallIssue]
-        probe=Probe(tip="flat", radius_m=layout.radii_m[0]),
+        probe=Probe(
+            tip="flat",
+            radius_m=layout.radii_m[0],
+            most_force_n=MOST_FORCE * float(layout.program.force_n.max()),
+        ),
         map=Map(inclusions=1),
     )

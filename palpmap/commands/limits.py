@@ -8,7 +8,7 @@ from palpmap import api
 from palpmap.console import Output, plain
 from palpmap.experiment import read_study
 from palpmap.progress import LIMITS
-from palpmap.result.next_scan import write_planned
+from palpmap.result.next_scan import Sites, write_planned
 from palpmap.run_folder import RunFolder
 
 
@@ -26,7 +26,7 @@ def run_limits(
     with RunFolder("limits", out, inputs=[*experiment.inputs, *effects]) as run:
         with output.task(LIMITS) as task:
             found = api.limits(experiment, (*CATALOGUE, *own), plan=plan, progress=task.say)
-        write_planned(found.better, found.problem.experiment.origin_m, run.path)
+        write_planned(found.better, Sites.of(experiment.scan, experiment.study), run.path)
         found.record.write(run / "limits.json")
         output.result(
             {**found.to_dict(), "run": str(run.path)},

@@ -1,15 +1,20 @@
 """Proposed scans as press programs (docs/files.md)."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from identify.design import Assessment, BetterScans, Presses, Proposal
-from models import PressProgram, write_program
+from models import PressProgram, Scan, touching, write_program
 from palpmap.result.records import NextPressesRecord
 from palpmap.study.body import Body
 from palpmap.study.cell_size import cell_size_m, smallest_cell_m
+from palpmap.study.placement import place_scan
+from palpmap.study.study import Study
 
 PROGRAM = "next_scan_{}.csv"
 PLANNED = "scan_{}.csv"
@@ -17,6 +22,52 @@ REPEAT = "repeat_presses.csv"
 FINER = 2 / 3
 _MOST = 3
 _HOLD_S, _UNLOAD_S = 0.1, 1.0
+_LEVEL_M, _LEVEL = 1e-4, 1e-2  # contacts at one height, pressed straight down
+_TURN_M = 1e-2  # as which distance a direction counts, where one place has presses in several
+
+DOWN = (0.0, 0.0, -1.0)
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Contacts of a scan, as its models have them and as they were measured.
+
+    Those of the models lie on a surface that finite elements can follow, up to millimetres off.
+
+    Attributes
+    ----------
+    placed : (j, 6) point in the body's frame, m, and direction times `_TURN_M`
+    point_m, direction : (j, 3) as measured, in the scan's frame
+    """
+
+    placed: np.ndarray
+    point_m: np.ndarray
+    direction: np.ndarray
+
+    @classmethod
+    def of(cls, scan: Scan, study: Study) -> Sites:
+        """Return the contacts of a study's scan, which is in its own frame."""
+        made = touching(scan)
+        placed = place_scan(made, study).scan
+        return cls(_contacts(placed), made.contact_points, made.contact_directions)
+
+    def columns(self, presses: Presses) -> dict[str, np.ndarray]:
+        """Return the columns of a program that say where presses are, in the scan's frame.
+
+        Height and direction are among them unless the scan is level: they are those of the surface.
+        """
+        planned = np.hstack([presses.point_m, _TURN_M * presses.direction])
+        apart = np.linalg.norm(planned[:, None] - self.placed, axis=2)
+        nearest = apart.argmin(axis=1)
+        (x, y, z), (nx, ny, nz) = self.point_m[nearest].T, self.direction[nearest].T
+        level = np.ptp(self.point_m[:, 2]) < _LEVEL_M
+        if level and np.abs(self.direction - DOWN).max() < _LEVEL:
+            return {"x_m": x, "y_m": y}
+        return {"x_m": x, "y_m": y, "z_m": z, "nx": nx, "ny": ny, "nz": nz}
+
+
+def _contacts(scan: Scan) -> np.ndarray:
+    return np.hstack([scan.contact_points, _TURN_M * scan.contact_directions])
 
 
 def next_presses_records(
@@ -51,21 +102,21 @@ def next_presses_records(
     return tuple(records)
 
 
-def write_programs(assessment: Assessment, origin_m: np.ndarray, run: Path) -> None:
+def write_programs(assessment: Assessment, sites: Sites, run: Path) -> None:
     """Write the programs of the next presses into a run folder, in place of earlier ones."""
     for stale in (*run.glob(PROGRAM.format("*")), run / REPEAT):
         stale.unlink(missing_ok=True)
     for number, proposal in enumerate(assessment.next_presses[:_MOST], start=1):
-        write_presses(proposal.design.presses, origin_m, run / PROGRAM.format(number))
+        write_presses(proposal.design.presses, sites, run / PROGRAM.format(number))
     if assessment.outlying:
-        write_presses(assessment.repeat, origin_m, run / REPEAT)
+        write_presses(assessment.repeat, sites, run / REPEAT)
 
 
-def write_planned(better: BetterScans, origin_m: np.ndarray, run: Path) -> None:
+def write_planned(better: BetterScans, sites: Sites, run: Path) -> None:
     """Write the programs of better scans into a run folder."""
     mixed = () if better.mixed is None else (better.mixed.design,)
     for design in (*(design for design, _ in better.by_effect.values()), *mixed):
-        write_presses(design.presses, origin_m, run / PLANNED.format(design.name))
+        write_presses(design.presses, sites, run / PLANNED.format(design.name))
 
 
 def _why(proposal: Proposal) -> str:
@@ -124,15 +175,13 @@ def finer_cells(body: Body, probed_m: np.ndarray | None = None) -> str | None:
     )
 
 
-def write_presses(presses: Presses, origin_m: np.ndarray, path: Path) -> None:
+def write_presses(presses: Presses, sites: Sites, path: Path) -> None:
     """Write presses as a program, in the scan's frame.
 
     Where the scan has no rows of holding or unloading, the press still has to do so.
     """
-    x, y = (presses.point_m[:, :2] + origin_m[:2]).T
     program = PressProgram(
-        x_m=x,
-        y_m=y,
+        **sites.columns(presses),
         radius_m=presses.radius_m,
         force_n=presses.force_n,
         ramp_s=presses.ramp_s,

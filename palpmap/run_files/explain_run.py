@@ -18,7 +18,6 @@ from palpmap.recording.explain import record_explanation
 from palpmap.report.explain_report import write_explain_report
 from palpmap.result.evidence import evidences
 from palpmap.result.finding import Finding, step_finding
-from palpmap.result.next_scan import write_programs
 from palpmap.result.next_step import next_steps
 from palpmap.result.own_effect import OWN_EFFECT, pattern_of, write_own_effect
 from palpmap.result.records import ExplainRecord
@@ -39,7 +38,7 @@ def write_explanation(
     files: Mapping[str, Path] | None = None,
     source: Path | None = None,
 ) -> None:
-    """Write result.json, next scans, the explained study, report and recording.
+    """Write result.json, the explained study, report and recording.
 
     Parameters
     ----------
@@ -47,7 +46,6 @@ def write_explanation(
     files : of the user's own effects, by name
     source : file of the study, None where it was made in Python
     """
-    write_programs(assessment, problem.experiment.origin_m, run)
     record.write(run / "result.json")
     version_of(study, explained.final.fit, run / "study.toml", files)
     if explained.fitted_verdict == "unexplained":

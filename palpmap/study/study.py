@@ -49,6 +49,10 @@ class Probe(Table):
         "'ring' or 'several', which no fit takes"
     )
     radius_m: Positive = Field(description="the tip's radius in m")
+    most_force_n: Positive | None = Field(
+        None,
+        description="largest force in N of the presses that are proposed; None is that of the scan",
+    )
 
 
 class Noise(Table):

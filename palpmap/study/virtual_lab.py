@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from sim.motion import BodySurface, Motion, ScanPlan, ScanSettings
     from sim.scan import Frame, PressOutcome, PressResult, RobotPlant, ScanRun
 
+MOST_FORCE_N = 1.0  # of the presses that are proposed; the paper presses with 3 N
+
 
 @dataclass(frozen=True)
 class Laboratory:
@@ -160,7 +162,9 @@ def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:
             "noise": noise,
             "map": Map(inclusions=laboratory.inclusions),
             "body": study.body.model_copy(update={"origin_m": (0.0, 0.0, 0.0)}),
-            "probe": probe_of(laboratory.plan),
+            "probe": probe_of(laboratory.plan).model_copy(
+                update={"most_force_n": study.probe.most_force_n}
+            ),
         }
     )
 
@@ -183,7 +187,7 @@ def default_study() -> Study:
     return Study(
         study=About(name="virtual phantom", scan=Path("scan.csv")),  # pyright: ignore[reportCallIssue]
         body=Body(shape="block", size_m=(0.096, 0.096, 0.048), poisson_ratio=0.49),  # pyright: ignore[reportCallIssue]
-        probe=Probe(tip="flat", radius_m=0.005),
+        probe=Probe(tip="flat", radius_m=0.005, most_force_n=MOST_FORCE_N),
     )
 
 

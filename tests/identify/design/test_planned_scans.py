@@ -12,7 +12,7 @@ from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.detection_limits import detection_limits
 from identify.design.predicted_limits import designs_on_body, improvements, planned
-from identify.design.scan_variants import presses_of, readings_of, variations
+from identify.design.scan_variants import mixed, presses_of, readings_of, variations
 from identify.design.settings import PLAN
 from identify.effects.readings import Readings
 from identify.fit.cross_validation import folds
@@ -83,6 +83,28 @@ def test_presses_are_found_among_others_by_place_direction_and_tip(fit):
     assert replace(some, radius_m=1.1 * some.radius_m).places_among(presses) is None
     mechanics = planned(fit, replace(design(fit, "same"), presses=some))[0].mechanics
     assert_allclose(mechanics.contacts.points_m, some.point_m)
+
+
+@pytest.mark.parametrize("most", [None, 0.35, 10.0])
+def test_no_planned_press_is_harder_than_is_borne(fit, most):
+    """No harder than any press of the scan, and than its own place was pressed, unless asked."""
+    presses = presses_of(fit.model.readings)
+    presses = replace(presses, force_n=np.linspace(0.1, 0.3, len(presses)))
+    known = {
+        tuple(point): force for point, force in zip(presses.point_m, presses.force_n, strict=True)
+    }
+    for design in (*variations(presses, True, most), mixed(presses, most)):
+        planned = design.presses
+        assert planned.force_n.max() <= (most or 0.3) + 1e-12, design.name
+        if most is None:
+            own = np.array([known[tuple(point)] for point in planned.point_m])
+            share = planned.force_n / own / (planned.radius_m / presses.radius_m[0])
+            assert share.max() <= 1 + 1e-12, design.name
+    (two,) = (d for d in variations(presses, True, most) if d.name == "two_forces")
+    soft, hard = (two.presses.force_n / presses.force_n)[:2]
+    assert hard / soft == pytest.approx(3)
+    words = {None: "a third as hard", 0.35: "0.39 times as hard and 1.2 times as hard"}
+    assert two.change.endswith(words.get(most, "half as hard and 1.5 times as hard"))
 
 
 def test_places_too_near_an_edge_for_a_larger_tip_are_left_out_of_its_scan(fit):

@@ -19,7 +19,7 @@ from models.scan import Scan
 from models.scan_file import read_scan, write_scan
 from palpmap.blind import tournament
 from palpmap.blind.trial import Trial, make_trial
-from palpmap.result.next_scan import write_planned, write_presses
+from palpmap.result.next_scan import Sites, write_planned, write_presses
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord
 from palpmap.study.press_plan import program_plan_of
@@ -127,10 +127,14 @@ def without(scan: Scan, *phases: str) -> Scan:
 
 @pytest.mark.parametrize("phases", [("unload",), ("hold", "unload")])
 def test_what_is_proposed_after_a_scan_without_unloading_can_be_made(study, phases, tmp_path):
-    readings = Readings.of(without(read_scan(study.parent / "scan.csv"), *phases))
-    write_presses(presses_of(readings), np.zeros(3), tmp_path / "next.csv")
+    scan = without(read_scan(study.parent / "scan.csv"), *phases)
+    readings = Readings.of(scan)
+    sites = Sites.of(scan, load_study(study))
+    write_presses(presses_of(readings), sites, tmp_path / "next.csv")
     program = read_program(tmp_path / "next.csv")
     assert len(program) == readings.presses
+    assert "z_m" not in (tmp_path / "next.csv").read_text()  # level, and pressed straight down
+    assert_allclose(program.x_m, scan.contact_points[:, 0], rtol=1e-8)
     assert program.unload_s.min() > 0
     assert program.hold_s.min() > 0
 
@@ -166,12 +170,12 @@ def test_the_settings_of_a_scan_say_what_was_made(tmp_path):
 
 
 def test_programs_of_planned_scans_are_those_of_the_latest_limits(study, tmp_path):
-    readings = Readings.of(read_scan(study.parent / "scan.csv"))
-    presses = presses_of(readings)
+    scan = read_scan(study.parent / "scan.csv")
+    presses, sites = presses_of(Readings.of(scan)), Sites.of(scan, load_study(study))
     for force in (1.0, 2.0):
         harder = replace(presses, force_n=force * presses.force_n)
         limits: Any = (SimpleNamespace(name="breathing", smallest_share=0.1),)
         better = BetterScans(mixed=Improvement(Design("two_forces", "", harder), limits))
-        write_planned(better, np.zeros(3), tmp_path)
+        write_planned(better, sites, tmp_path)
     written = read_program(tmp_path / "scan_two_forces.csv")
     assert_allclose(written.force_n, 2 * presses.force_n, rtol=1e-5)

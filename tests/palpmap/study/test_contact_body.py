@@ -13,13 +13,16 @@ from typer.testing import CliRunner
 
 from fem import Contacts, PalpationModel, block_mesh
 from fem.mesh import under_surface
-from models import InputError, read_scan, write_scan
+from identify.design.scan_variants import presses_of
+from identify.effects import Readings
+from models import InputError, read_program, read_scan, write_scan
 from models.scan import Scan
 from palpmap.__main__ import app
 from palpmap.api import fit
 from palpmap.commands.check import check_study
 from palpmap.experiment import read_study
 from palpmap.result.doubts import assumptions
+from palpmap.result.next_scan import Sites, write_presses
 from palpmap.result.outline import study_outline
 from palpmap.sides import with_sides
 from palpmap.study.body_model import _between
@@ -221,6 +224,19 @@ def test_a_run_folder_keeps_the_contacts_that_make_the_body(tmp_path):
     kept = load_study(run / "study.toml")
     assert (len(read_scan(kept.scan).press_ids), kept.body.file) == (15, run / "contacts.csv")
     assert len(contact_body(kept.body).through.points_m) == 16
+
+
+def test_proposed_presses_are_where_the_scan_was_made_and_go_along_its_normals(tmp_path):
+    scan = dome_scan()
+    study = load_study(json.loads(new(tmp_path, scan, "--thickness", str(THICK)))["study"])
+    placed = place_scan(scan, study).scan
+    assert np.abs(placed.contact_points - scan.contact_points).max() > 1e-5  # on a smoothed surface
+    presses = presses_of(Readings.of(placed)).taken(np.array([11, 0, 5]))
+    write_presses(presses, Sites.of(scan, study), tmp_path / "next.csv")
+    program = read_program(tmp_path / "next.csv")
+    points = np.column_stack([program.x_m, program.y_m, program.z_m])
+    np.testing.assert_allclose(points, scan.contact_points[[11, 0, 5]], atol=1e-8)
+    np.testing.assert_allclose(program.direction, scan.contact_directions[[11, 0, 5]], atol=1e-8)
 
 
 def test_bodies_that_cannot_be_are_refused_in_a_sentence(tmp_path):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.fit.free_map.field import Field, RegionEstimate
+from identify.fit.free_map.field import Balls, Field, RegionEstimate
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.spots import Spot
 from identify.fit.posterior import Posterior, SampledParameter
@@ -132,28 +132,33 @@ def _step_content(step: FitIteration) -> dict:
     return known | {"parameters": dict(step.parameters)}
 
 
-_LIVE = ("posterior",)  # parts of a field that stay in memory
+_LIVE = ("posterior", "sought")  # parts of a field that stay in memory
 
 
 def _field_content(field: Field) -> dict:
     found = {f.name: getattr(field, f.name) for f in fields(Field) if f.name not in _LIVE}
+    found |= {"slips": field.slips, "ball_sight_m": field.ball_sight_m}
     found = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in found.items()}
     return found | {"hyper": asdict(field.hyper), "spots": [asdict(s) for s in field.spots],
                     "regions": [asdict(r) for r in field.regions]}  # fmt: skip
 
 
 def _field(content: dict) -> Field:
-    hyper = content["hyper"]
+    hyper, named = content["hyper"], dict(content)
+    balls = Balls(
+        tuple(Spot(**spot) for spot in named.pop("spots")),
+        np.array(named.pop("slips", ()), float),
+        named.pop("ball_sight_m", 0.0),
+    )
     arrays = ("log_sd", "share", "by_press_m", "followed", "press_error", "left_out")
     found: dict[str, Any] = {
-        **content,
+        **named,
         "hyper": Hyper(**{**hyper, "given": tuple(hyper["given"])}),
-        "spots": tuple(Spot(**spot) for spot in content["spots"]),
+        "sought": lambda: balls,
         "regions": tuple(RegionEstimate(**region) for region in content.get("regions", ())),
     }
     for name in arrays:
         found[name] = np.array(content[name], float)
     found["errs"] = np.array(content["errs"], bool)
-    found["slips"] = np.array(content.get("slips", ()), float)
     found["lengths_m"] = tuple(content["lengths_m"])
     return Field(**found)

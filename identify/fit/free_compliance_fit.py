@@ -102,8 +102,7 @@ class FreeComplianceFit:
     @property
     def chi2_on_any_body(self) -> float:
         """Chi-square of the readings that count, where each press is on a body of any kind."""
-        least = self.by_press[0] if self.on_any_body is None else self.on_any_body
-        return float(np.sum(least[self.felt]))
+        return float(np.sum(self._least[self.felt]))
 
     @property
     def weight(self) -> np.ndarray:
@@ -126,6 +125,19 @@ class FreeComplianceFit:
         """Share of the presses with a residual of noise alone (99 % level)."""
         squares, count = self.by_press
         return float(np.mean((squares < chdtri(np.maximum(count - 1, 1), 0.01))[self.felt]))
+
+    @property
+    def middle_misfit(self) -> float:
+        """Chi-square of the middle press over that of noise, each on a body of any kind.
+
+        A few presses without contact, or on what is hard below a thin layer, do not change it.
+        """
+        noise = chdtri(np.maximum(self.by_press[1] - 1, 1), 0.5)
+        return float(np.median((self._least / noise)[self.felt]))
+
+    @property
+    def _least(self) -> np.ndarray:
+        return self.by_press[0] if self.on_any_body is None else self.on_any_body
 
 
 def straightened(found: FreeComplianceFit, readings: Readings) -> np.ndarray:

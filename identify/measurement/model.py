@@ -266,14 +266,17 @@ class MeasurementModel:
         factor : (j,) on the body's compliances, where a press may differ from the map
         """
         if self.map_uncertainty is None:
-            return self._linear(body, u, factor)
+            return self._with_jacobian(*self._judged(body, u, factor))
         return self._marginal(body, u, self.map_uncertainty)
 
-    def _linear(
+    def _with_jacobian(self, at: Linearised, by: Derivatives) -> Linearised:
+        return replace(at, jacobian=at.whitened(by.by_unknowns(), self.readings.press))
+
+    def _judged(
         self, body: BodyResponse, u: np.ndarray, factor: np.ndarray | float = 1.0
-    ) -> Linearised:
-        values = self.values(u)
-        state = self.state(values)
+    ) -> tuple[Linearised, Derivatives]:
+        """Return the chain beyond an evaluated body without its Jacobian, and what makes that."""
+        values, press = self.values(u), self.readings.press
         c, e = factor * body.compliance, body.local_modulus
         if self.unit_compliance is not None:
             e = self.unit_compliance / c
@@ -284,15 +287,14 @@ class MeasurementModel:
         point = OperatingPoint(c, e, latent, values)
         by = Derivatives(self, u, body, chain, point)
         by_c, by_e = by.by_body
-        press = self.readings.press
         map_error = self.press_error * (by_c * c[press] - by_e * e[press])
         shared = self._shared(sigma, map_error)
-        return Linearised(
+        linear = Linearised(
             predicted_m=self.displacement_m - residual,
             sigma_m=sigma,
             latent_force_n=latent,
             residual=shared.whitened(residual / sigma),
-            jacobian=shared.whitened(by.by_unknowns() / sigma[:, None]),
+            jacobian=np.empty((len(residual), 0)),
             rms_m=float(np.sqrt(np.mean(residual**2))),
             shared_errors=shared.own,
             common_errors=shared.common,
@@ -301,9 +303,10 @@ class MeasurementModel:
             compliance=c,
             modulus=e,
             body=body,
-            state=state,
+            state=self.state(values),
             values=values,
         )
+        return linear, by
 
     def _latent(self, judged: Judged) -> np.ndarray:
         """Return the best estimate (m,) of the force, N.
@@ -326,7 +329,7 @@ class MeasurementModel:
         press, moved = self.readings.press, np.zeros(len(body.compliance))
         weight = np.sqrt(uncertain.felt)[press]
         for _ in range(_OWN_STEPS):
-            at = self._linear(body, u, np.exp(moved))
+            at, by = self._judged(body, u, np.exp(moved))
             by_s = self.by_log_compliance(at)
             there = replace(uncertain, offset=uncertain.offset + moved)
             marginal = MarginalMap(there, weight * at.whitened(by_s, press), press)
@@ -335,6 +338,7 @@ class MeasurementModel:
             if np.abs(further).max() < _OWN_TOL:
                 break
             moved = moved + np.clip(further, -_LONGEST_MOVE, _LONGEST_MOVE)
+        at = self._with_jacobian(at, by)
         predicted = at.predicted_m + by_s * by_map[press]
         return replace(
             at,

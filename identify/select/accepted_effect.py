@@ -75,9 +75,10 @@ class AcceptedEffect:
 
     @property
     def meets_presses(self) -> bool:
-        """True if its contact law leaves noise in nearly all presses, each on its own body."""
-        share = self.law.noise_share if self.law and self.shown_by_presses else 0.0
-        return share >= self.settings.meets_presses
+        """True if its contact law leaves noise in the presses, each on a body of its own."""
+        if self.law is None or not self.shown_by_presses:
+            return False
+        return self.law.middle_misfit <= self.settings.meets_presses
 
     @property
     def is_unknown(self) -> bool:

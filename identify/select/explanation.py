@@ -99,7 +99,7 @@ class Explanation:
 
         Single bad presses are among them, and the unknown cause in place of an effect whose values
         are doubted. Beside a structured residual, which may be the cause of each, those alone that
-        the contact law of the presses calls for and that leave noise in nearly all of them.
+        the contact law of the presses calls for, if it leaves noise in the middle one.
         """
         if not self.told_apart:
             return tuple(a.group for a in self.accepted if a.meets_presses and not a.decided)
@@ -122,13 +122,13 @@ class Explanation:
         """Effects that are offered by name: of one cause in their group, and plausible.
 
         Beside a structured residual, which may be its cause, an effect is offered only if the
-        contact law of the presses supports it.
+        contact law of the presses calls for it and leaves noise in the middle one.
         """
         unsure = (*self.resting_on_outliers, *self.doubted, *self.parts_of_unknown)
         return tuple(
             a.name for a in self.accepted
             if a.decided and not a.is_unknown and a.name not in unsure
-            and (self.told_apart or a.shown_by_presses)
+            and (self.told_apart or a.meets_presses)
         )  # fmt: skip
 
     @property

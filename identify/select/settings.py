@@ -128,9 +128,9 @@ class SelectionSettings:
         may have hidden the explanation of the others; what each press with a compliance of its own
         must leave of it to exclude every map; what one effect must take of it to be sought beside
         a map that has an error of its own; and what presses found to stand apart, too, must hold
-    meets_presses : least share of the presses in which a contact law leaves noise for its group to
-        stand beside a structured residual: 98 % with the touch of a robot on a slab that is not the
-        body, 83 % with effects that imitate a sticky tip
+    meets_presses : chi-square of the middle press over that of noise, each on a body of any kind,
+        up to which the effects of a contact law stand beside a structured residual: 0.98 to 1.04
+        with the touch of measured scans, 1.18 and 1.19 with effects that imitate a sticky tip
     rough : relative error of a free map in each press's compliance beyond which it is no error of
         its form
     diagnosis, residual, cross_validation : of the analysis of each step. Of a hundred scans with
@@ -180,7 +180,7 @@ class SelectionSettings:
     first_evaluations: int = 40
     of_lead: float = 0.5
     elsewhere: float = 0.5
-    meets_presses: float = 0.95
+    meets_presses: float = 1.1
     rough: float = 0.01
     diagnosis: DiagnosisSettings = DIAGNOSIS
     residual: ResidualSettings = BESIDE_EFFECTS

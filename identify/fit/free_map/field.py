@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +35,19 @@ class RegionEstimate:
     seen: float
 
 
+class Balls(NamedTuple):
+    """Finds of a search for balls in a field.
+
+    Attributes
+    ----------
+    spots, slips, sight_m : see `Field`, whose `ball_sight_m` is the last
+    """
+
+    spots: tuple[Spot, ...] = ()
+    slips: np.ndarray = np.zeros(0)
+    sight_m: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Field:
     """A free map's prior and posterior.
@@ -49,18 +64,15 @@ class Field:
     share : (g,) share of the prior's variance about its level that the readings take away
     sight_m : depth under the tips down to which that share is at least `SpotSettings.seen`, the
         middle one of all presses
-    ball_sight_m : depth under the middle press down to which a ball of `SpotSettings.ball_m` would
-        change the readings by `SpotSettings.sure` standard deviations, 0 if at none
     by_press_m : (m,) change of each predicted displacement by s, ln C of its press, m
     followed : (j, k) directions of s that the field can follow
-    spots : places harder or softer than their surroundings
     press_error : (j,) error of each press's compliance by the map, relative: what its readings,
         beside the effects, ask the map to change by
     left_out : (j,) the same of a map that has not seen the press, nor the others of its fifth
     errs : (j,) bool, presses with errors of their own, weighted down
-    slips : (j,) probability that a press slipped, against a ball under it and none
     lengths_m : least and largest length that was tried
     regions : of a map with labelled regions
+    sought : finds the balls when they are first asked for: it takes as long as a step of the fit
     posterior : for draws and resolution; both only of a fit that was made here
     """
 
@@ -74,14 +86,12 @@ class Field:
     sight_m: float
     by_press_m: np.ndarray
     followed: np.ndarray
-    spots: tuple[Spot, ...] = ()
     press_error: np.ndarray = field(default_factory=lambda: np.zeros(0))
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0))
     errs: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    slips: np.ndarray = field(default_factory=lambda: np.zeros(0))
     lengths_m: tuple[float, float] = (0.0, 0.0)
-    ball_sight_m: float = 0.0
     regions: tuple[RegionEstimate, ...] = ()
+    sought: Callable[[], Balls] = Balls
     posterior: FieldPosterior | None = None
 
     @classmethod
@@ -110,8 +120,6 @@ class Field:
         seen = posterior.share >= SPOTS.seen
         mean, sd, _ = _mean_of(posterior, seen if seen.any() else np.ones_like(seen))
         directions, gain = posterior.modes
-        search = BallSearch(posterior, hyper, lengths_m[1])
-        spots, slips = find_spots(search, posterior) if converged else ((), 0.0 * errs)
         return cls(
             hyper=hyper,
             log_evidence=posterior.log_evidence,
@@ -121,18 +129,38 @@ class Field:
             log_sd=posterior.sd,
             share=posterior.share,
             sight_m=_sight_m(posterior, model),
-            ball_sight_m=_ball_sight_m(search, model),
-            spots=spots,
             press_error=press_error,
             left_out=posterior.left_out(fifths(len(press_error))),
             errs=errs,
-            slips=slips,
             lengths_m=lengths_m,
             regions=tuple(_regions(posterior, log_prior_mean)),
             by_press_m=model.by_log_compliance(at),
             followed=directions[:, gain > least],
+            sought=partial(_balls, posterior, hyper, lengths_m[1], model, converged),
             posterior=posterior,
         )
+
+    @cached_property
+    def _balls(self) -> Balls:
+        return self.sought()
+
+    @property
+    def spots(self) -> tuple[Spot, ...]:
+        """Places harder or softer than their surroundings."""
+        return self._balls.spots
+
+    @property
+    def slips(self) -> np.ndarray:
+        """Probability (j,) that a press slipped, against a ball under it and none."""
+        return self._balls.slips
+
+    @property
+    def ball_sight_m(self) -> float:
+        """Depth under the middle press down to which the readings would show a ball, 0 if at none.
+
+        A ball of `SpotSettings.ball_m`, by `SpotSettings.sure` standard deviations.
+        """
+        return self._balls.sight_m
 
     @property
     def slipped(self) -> np.ndarray:
@@ -158,6 +186,20 @@ class Field:
         if self.hyper.error > 0:
             return self.by_press_m[:, None] * (press[:, None] == np.arange(press.max() + 1))
         return self.by_press_m[:, None] * self.followed[press]
+
+
+def _balls(
+    posterior: FieldPosterior,
+    hyper: Hyper,
+    longest_m: float,
+    model: MeasurementModel,
+    converged: bool,
+) -> Balls:
+    search = BallSearch(posterior, hyper, longest_m)
+    spots, slips = (), np.zeros(model.readings.presses)
+    if converged:
+        spots, slips = find_spots(search, posterior)
+    return Balls(spots, slips, _ball_sight_m(search, model))
 
 
 def _mean_of(posterior: FieldPosterior, inside: np.ndarray) -> tuple[float, float, float]:

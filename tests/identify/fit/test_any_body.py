@@ -67,6 +67,16 @@ def test_a_balls_curve_above_a_hard_lump_is_that_of_some_body_and_a_slip_is_not(
     assert (least <= own).all()
 
 
+def test_the_middle_press_is_noise_beside_a_lump_and_a_slip_but_not_where_all_have_a_cause():
+    presses = pressed("hertz")
+    found = on_any_body(presses, presses.fit(()))
+    assert found.noise_share < 0.8
+    assert found.middle_misfit == pytest.approx(1, abs=0.25)  # nine presses of 13 numbers
+    wave = 6e-5 * np.sin(np.arange(len(presses.readings)))
+    waved = replace(presses, displacement_m=presses.displacement_m + wave)
+    assert on_any_body(waved, waved.fit(())).middle_misfit > 1.5
+
+
 def test_a_flat_tip_feels_no_more_than_a_compliance():
     presses = pressed("flat")
     found = presses.fit(())

@@ -124,11 +124,11 @@ def test_beside_structure_that_no_course_takes_nothing_is_offered_and_intervals_
     for name in TRUE.names:
         assert wide[name].std > own[name].std
         assert wide[name].lower95 < own[name].lower95 < own[name].upper95 < wide[name].upper95
-    # With a contact law that nearly all presses call for, each on a body of its own, it is
+    # With a contact law that leaves noise in the presses, each on a body of its own, it is
     (offset,) = (a for a in found.accepted if a.name == "contact_offset")
     other = replace(offset.candidates[0], name="touch_threshold")
-    for share, offered in ((0.98, True), (0.83, False)):
-        law: Any = SimpleNamespace(noise_share=share)
+    for misfit, offered in ((1.04, True), (1.18, False)):
+        law: Any = SimpleNamespace(middle_misfit=misfit)
         called = replace(
             offset, candidates=(offset.candidates[0], other), shown_by_presses=True, law=law
         )
@@ -138,6 +138,8 @@ def test_beside_structure_that_no_course_takes_nothing_is_offered_and_intervals_
         assert verdict.verdict == ("indistinguishable" if offered else "helps")
         words = "The single presses call for contact_offset or touch_threshold, with any map."
         assert (words in verdict_detail(answer)) == offered
+        alone = replace(called, candidates=called.candidates[:1])
+        assert replace(found, accepted=(alone,)).added == ("contact_offset",) * offered
 
 
 def test_standard_errors_count_an_error_that_the_readings_of_a_press_share():

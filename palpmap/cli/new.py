@@ -70,6 +70,15 @@ ForceNoise = Annotated[
     float | None,
     typer.Option("--force-noise", metavar="N", help="Standard deviation of the force, N."),
 ]
+TouchNoise = Annotated[
+    float | None,
+    typer.Option(
+        "--touch-noise",
+        metavar="M",
+        help="Standard deviation of a press's depth of first touch, m.",
+        show_default="what presses.json beside the scan states",
+    ),
+]
 Inclusions = Annotated[
     str | None,
     typer.Option(
@@ -96,6 +105,7 @@ def new(
     origin: Origin = None,
     displacement_noise: DisplacementNoise = None,
     force_noise: ForceNoise = None,
+    touch_noise: TouchNoise = None,
     inclusions: Inclusions = None,
     name: Name = None,
     quiet: Quiet = False,
@@ -125,6 +135,7 @@ def new(
         origin_m=_three(origin),
         displacement_noise_m=displacement_noise,
         force_noise_n=force_noise,
+        touch_noise_m=touch_noise,
         inclusions=int(inclusions) if inclusions and inclusions.isdigit() else inclusions,
         name=name,
     )

@@ -59,6 +59,7 @@ class Facts:
     margin_m : from the outermost contacts to the sides of such a body; None is found
     origin_m : place of the body's frame in the scan's; a block's is found if both are one
     displacement_noise_m, force_noise_n : standard deviations of the readings
+    touch_noise_m : of a press's depth of first touch
     inclusions : a number, "auto", or "free" for a map of any shape; None is 1, of a body from
         contacts "free"
     name : of the study; None is the scan's
@@ -74,6 +75,7 @@ class Facts:
     origin_m: tuple[float, ...] | None = None
     displacement_noise_m: float | None = None
     force_noise_n: float | None = None
+    touch_noise_m: float | None = None
     inclusions: int | str | None = None
     name: str | None = None
 
@@ -94,11 +96,16 @@ class Facts:
             A number that no noise has.
         """
         try:
-            return Noise(displacement_m=self.displacement_noise_m, force_n=self.force_noise_n)
+            return Noise(
+                displacement_m=self.displacement_noise_m,
+                force_n=self.force_noise_n,
+                touch_m=self.touch_noise_m,
+            )
         except ValidationError as error:
             raise InputError(
-                f"--displacement-noise or --force-noise: found {self.displacement_noise_m} and "
-                f"{self.force_noise_n}, expected positive numbers in m and N"
+                f"--displacement-noise, --force-noise or --touch-noise: found "
+                f"{self.displacement_noise_m}, {self.force_noise_n} and {self.touch_noise_m}, "
+                "expected positive numbers in m, N and m"
             ) from error
 
 

@@ -2,6 +2,7 @@
 
 import os
 import tomllib
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -69,6 +70,20 @@ class Noise(Table):
     force_n: Positive | None = None
     touch_m: Positive | None = None
     lag_s: Annotated[Real, Field(gt=0, le=0.5)] | None = None
+
+    def with_touch(self, errors_m: Sequence[float]) -> "Noise":
+        """Return the noise with the rms of the presses' errors of first touch (j,), m.
+
+        One below half of the noise of a reading is left out.
+
+        >>> noise = Noise(displacement_m=2e-5)
+        >>> noise.with_touch([3e-5, 4e-5]).touch_m, noise.with_touch([1e-6, 2e-6]).touch_m
+        (3.5e-05, None)
+        """
+        touch_m = (sum(error**2 for error in errors_m) / max(len(errors_m), 1)) ** 0.5
+        if touch_m < (self.displacement_m or 0.0) / 2 or not touch_m:
+            return self
+        return self.model_copy(update={"touch_m": float(f"{touch_m:.2g}")})
 
 
 class Map(Table):

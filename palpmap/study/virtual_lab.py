@@ -170,15 +170,8 @@ def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:
 
 
 def with_touch_error(study: Study, made: ScanRun) -> Study:
-    """Return the study with the error of first touch that the robot states for its presses.
-
-    One below half of the noise of a reading is left out.
-    """
-    errors = [press.judged.touch_sd_m for press in made.presses]
-    touch_m = float(np.sqrt(np.mean(np.square(errors))))
-    if touch_m < (study.noise.displacement_m or 0.0) / 2:
-        return study
-    noise = study.noise.model_copy(update={"touch_m": float(f"{touch_m:.2g}")})
+    """Return the study with the error of first touch that the robot states for its presses."""
+    noise = study.noise.with_touch([press.judged.touch_sd_m for press in made.presses])
     return study.model_copy(update={"noise": noise})
 
 

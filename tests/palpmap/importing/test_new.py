@@ -13,6 +13,7 @@ from palpmap.commands import new as command
 from palpmap.commands.check import check_study
 from palpmap.console import Output
 from palpmap.importing.new import Facts, turned
+from palpmap.result.press_outcomes import MeasuredRecord, PressesRecord, PressRecord
 from palpmap.study.study import load_study
 from tests.paths import LAB
 
@@ -66,6 +67,7 @@ def test_another_frame_is_asked_for_with_the_height_that_the_points_tell(tmp_pat
         (("--poisson", "0.7"), "palpmap: --poisson: found 0.7"),
         (("--inclusions", "many"), "palpmap: --inclusions: found 'many'"),
         (("--force-noise", "-1"), "--force-noise"),
+        (("--touch-noise", "-1"), "--touch-noise"),
         (("--origin", "0,0,0.01"), "check --size and --origin"),
     ],
 )
@@ -108,6 +110,48 @@ def test_a_flat_surface_predicts_points_to_0_mm(tmp_path):
     given = ("--tip", "flat", "--thickness", "0.048", "--poisson", "0.49")
     said = json.loads(run(SCAN, *given, "--out", tmp_path / "s", "--json").stdout)["said"]
     assert "predicts points left out to 0 mm" in " ".join(said)
+
+
+def presses_json(numbers, touch_sd_m) -> PressesRecord:
+    """What a robot states of its presses."""
+    held = dict.fromkeys(("force_error", "overshoot", "place_error_m", "tare_n", "zero_after_n"), 0)
+    return PressesRecord(
+        on_fault="skip",
+        presses=tuple(
+            PressRecord(
+                press=number, outcome="made", kept=True, set_force_n=0.3, reason="", faults=(),
+                measured=MeasuredRecord(force_n=0.3, touch_sd_m=sd, **held), simulator=None,
+            )
+            for number, sd in zip(numbers, touch_sd_m, strict=True)
+        ),
+    )  # fmt: skip
+
+
+def test_the_first_touch_that_a_robot_states_is_counted(tmp_path):
+    """Uncounted, touches off by 36 µm make structure of one noisy scan in twenty."""
+    own = tmp_path / "scan.csv"
+    own.write_bytes(SCAN.read_bytes())
+    numbers = read_scan(SCAN).press_ids.tolist()
+    sd_m = np.where(np.arange(len(numbers)) % 2, 3e-5, 4e-5)
+    sd_m[0] = 3.5355e-5
+    presses_json(numbers, sd_m.tolist()).write(tmp_path / "presses.json")
+    given = (*ALL, "--displacement-noise", 2e-5)
+    said = json.loads(run(own, *given, "--out", tmp_path / "a", "--json").stdout)["said"]
+    assert load_study(tmp_path / "a" / "study.toml").noise.touch_m == pytest.approx(3.5e-5)
+    assert "states the depth of first touch to 35 µm" in " ".join(said)
+    run(own, *given, "--touch-noise", 6e-5, "--out", tmp_path / "b")
+    assert load_study(tmp_path / "b" / "study.toml").noise.touch_m == 6e-5
+    # Small beside a reading's noise, or of other presses: not counted
+    for name, other in (
+        ("c", presses_json(numbers, [5e-6] * len(numbers))),
+        ("d", presses_json([n + 1 for n in numbers], sd_m.tolist())),
+    ):
+        other.write(tmp_path / "presses.json")
+        run(own, *given, "--out", tmp_path / name)
+        assert load_study(tmp_path / name / "study.toml").noise.touch_m is None
+    (tmp_path / "presses.json").write_text("{}")
+    said = json.loads(run(own, *given, "--out", tmp_path / "e", "--json").stdout)["said"]
+    assert "counts no error of first touch" in said[-1]
 
 
 def test_questions_take_the_place_of_flags_on_a_terminal(tmp_path):

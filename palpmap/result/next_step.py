@@ -82,9 +82,16 @@ def _from_contacts(problem: Problem, run: Path) -> str:
     body, tip = problem.study.body, problem.study.probe.tip
     assert body.size_m is not None
     guess = ("--thickness-assumed",) if body.thickness_assumed else ()
+    noise = problem.study.noise
+    stated = {
+        "--displacement-noise": noise.displacement_m,
+        "--force-noise": noise.force_n,
+        "--touch-noise": noise.touch_m,
+    }
+    known = [word for flag, sd in stated.items() if sd is not None for word in (flag, f"{sd:g}")]
     command = to_type(
         "new", run / "scan.csv", "--tip", tip, "--thickness", f"{body.size_m[2]:g}", *guess,
-        "--poisson", body.poisson_ratio, "--out", "from_contacts",
+        "--poisson", body.poisson_ratio, *known, "--out", "from_contacts",
     )  # fmt: skip
     return (
         "Let the body go through the contact points, in place of a block that they do not lie on, "

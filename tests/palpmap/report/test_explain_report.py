@@ -374,9 +374,12 @@ def test_a_block_that_stands_in_for_a_curved_body_gives_way_to_its_contacts(told
         share_taken=0.0, map_error=0.5,
     )  # fmt: skip
     explained = replace(told.explained, verdict="unexplained")
+    noise = study.noise.model_copy(update={"touch_m": 4e-5})
 
     def first(map_error, **body):
-        changed = study.model_copy(update={"body": study.body.model_copy(update=body)})
+        changed = study.model_copy(
+            update={"body": study.body.model_copy(update=body), "noise": noise}
+        )
         record = told.record.changed(presses_alone=alone.changed(map_error=map_error))
         return next_steps(record, explained, replace(told.problem, study=changed), tmp_path)[0]
 
@@ -390,6 +393,7 @@ def test_a_block_that_stands_in_for_a_curved_body_gives_way_to_its_contacts(told
     assert made.body.shape == "from-contacts"
     assert made.body.thickness_m == study.body.size_m[2]
     assert made.body.thickness_assumed
+    assert made.noise == noise
     assert made.map.kind == "free"
     assert "Let the body" not in first(0.0, project_points=True)
     assert "Let the body" not in first(0.5, project_points=False)

@@ -79,7 +79,7 @@ def smooth_course(view: ResidualView) -> Course | None:
             continue
         for quantity, carrier in carriers.items():
             pattern = columns * (carrier / w.sigma_m)[:, None]
-            basis = _beyond(view, pattern)
+            basis = _beyond(view, w.apart(pattern))
             if basis.shape[1] == 0:
                 continue
             taken = float(np.sum((basis.T @ view.residual) ** 2))
@@ -109,7 +109,7 @@ def _beyond(view: ResidualView, pattern: np.ndarray) -> np.ndarray:
 
 def _range(view: ResidualView, pattern: np.ndarray, carrier: np.ndarray) -> float:
     """Range of the fitted course over the readings, in the unit of its quantity."""
-    both = np.hstack([view.absorbed, pattern])
+    both = np.hstack([view.absorbed, view.w.apart(pattern)])
     fitted, *_ = np.linalg.lstsq(both, view.residual * view.scale, rcond=1e-8)
     course = (pattern @ fitted[view.absorbed.shape[1] :]) * view.w.sigma_m
     carried = np.abs(carrier) > 0.1 * np.abs(carrier).max()

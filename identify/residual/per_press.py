@@ -174,7 +174,7 @@ def _apart(
     if w.size is not None:  # a free map bends to single presses
         return [], []
     own = (w.scan.displacement_m - w.residual_m) / w.sigma_m
-    apart = outlying(w.press_index, own, w.whitened, w.absorbed, settings.trimmed)
+    apart = outlying(w.press_index, w.apart(own), w.whitened, w.apart(w.absorbed), settings.trimmed)
     misfits = {}
     for press in apart:
         space = PressSpace(w, smooth)
@@ -187,7 +187,7 @@ def _apart(
 
 def press_directions(w: Whitened, presses: list[int]) -> np.ndarray:
     """Offset and gain of each of some presses, (m, 2 q)."""
-    return with_gain(w, (w.press_index[:, None] == np.array(presses)).astype(float))
+    return w.apart(with_gain(w, (w.press_index[:, None] == np.array(presses)).astype(float)))
 
 
 def press_residuals(w: Whitened, absorbed: np.ndarray, bad: list[int]) -> tuple[PressResidual, ...]:
@@ -202,7 +202,7 @@ def press_residuals(w: Whitened, absorbed: np.ndarray, bad: list[int]) -> tuple[
     bad : list of int
         Indices of the outlying presses.
     """
-    space = PressSpace(w, extended(absorbed, common(w)))
+    space = PressSpace(w, extended(absorbed, w.apart(common(w))))
     misfits = space.misfits()
     pull = influences(w, absorbed)
     weight = 1 / w.sigma_m**2

@@ -57,7 +57,7 @@ class ResidualView:
 
 def residual_view(w: Whitened, settings: ResidualSettings = RESIDUAL) -> ResidualView:
     """Project, scale and lay out the directions of a whitened residual."""
-    absorbed = orthonormal(w.absorbed)
+    absorbed = orthonormal(w.apart(w.absorbed))
     dof = len(w.residual_m) - absorbed.shape[1]
     if dof < 1:
         raise InputError(
@@ -67,14 +67,14 @@ def residual_view(w: Whitened, settings: ResidualSettings = RESIDUAL) -> Residua
     residual = project_out(absorbed, w.whitened)
     scatter, certain = reading_scatter(w, settings)
     scale = scatter if certain and scatter > 1 else 1.0
-    beyond = extended(absorbed, common(w))
+    beyond = extended(absorbed, w.apart(common(w)))
     directions, untestable = {}, {}
     for dimension in DIMENSIONS:
         result = dimension.directions(w, settings)
         if isinstance(result, str):
             untestable[dimension.name] = result
         else:
-            directions[dimension.name] = result
+            directions[dimension.name] = w.apart(result)
     chi2 = float(residual @ residual)
     if w.size is not None:
         chi2, dof = w.size

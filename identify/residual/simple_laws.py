@@ -49,7 +49,7 @@ def matching_law(view: ResidualView) -> LawMatch | None:
         pattern = law.pattern(view.w)
         if pattern is None or excess <= 0:
             continue
-        column = pattern / view.w.sigma_m
+        column = view.w.apart(pattern / view.w.sigma_m)
         score = score_test(view.residual, column[:, None], view.absorbed)
         taken = score.statistic - score.dof
         if score.dof and taken >= surely * at_most:

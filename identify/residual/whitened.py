@@ -13,7 +13,8 @@ import numpy as np
 from identify.effects.readings import Readings
 from identify.fit.result import FitResult
 from identify.measurement import Noise
-from identify.measurement.shared_error import lag_error_m
+from identify.measurement.settings import TOUCH
+from identify.measurement.shared_error import SharedErrors, lag_error_m
 from models import InputError, Scan
 
 
@@ -33,6 +34,8 @@ class Whitened:
         Best estimate F^ of the true force, N.
     absorbed : (m, k)
         Derivatives of the modelled displacement by the fitted parameters at F^, over sigma.
+    shared : SharedErrors, optional
+        Errors of first touch and of the lag, over sigma, which readings share.
     noise_estimated : bool
         The noise was estimated from this scan.
     size : (chi-square, degrees of freedom)
@@ -50,6 +53,7 @@ class Whitened:
     noise_estimated: bool
     size: tuple[float, int] | None = None
     shared_m: float = 0.0
+    shared: SharedErrors | None = None
 
     def __post_init__(self) -> None:
         for array in (self.residual_m, self.sigma_m, self.force_n, self.absorbed):
@@ -57,8 +61,15 @@ class Whitened:
 
     @property
     def whitened(self) -> np.ndarray:
-        """Residual in standard deviations, (m,)."""
-        return self.residual_m / self.sigma_m
+        """Residual in standard deviations, (m,), the readings made independent."""
+        return self.apart(self.residual_m / self.sigma_m)
+
+    def apart(self, columns: np.ndarray) -> np.ndarray:
+        """Return columns (m,) or (m, q) over sigma as readings without shared errors have them.
+
+        A shared error counts with its standard deviation: projected out, it would hide any offset.
+        """
+        return columns if self.shared is None else self.shared.whitened(columns)
 
     @property
     def press_index(self) -> np.ndarray:
@@ -111,16 +122,17 @@ def whitened(fit: FitResult, scan: Scan) -> Whitened:
         derivative = by_map[rows.press_index] * fit.latent_force_n[:, None]
     else:
         derivative = derivative[:, inside]
-    directions, shared_m = shared_errors(fit.noise, Readings.of(rows), rows.displacement_m)
+    shared, shared_m = shared_errors(fit.noise, Readings.of(rows), rows.displacement_m, fit.sigma_m)
     return Whitened(
         scan=rows,
         residual_m=fit.residual_m,
         sigma_m=fit.sigma_m,
         force_n=fit.latent_force_n,
-        absorbed=np.hstack([derivative, directions]) / fit.sigma_m[:, None],
+        absorbed=derivative / fit.sigma_m[:, None],
         noise_estimated=fit.noise.estimated,
         size=None if fit.field is None else (fit.chi2, fit.dof),
         shared_m=shared_m,
+        shared=shared,
     )
 
 
@@ -133,14 +145,18 @@ def within_bounds(fit: FitResult) -> np.ndarray:
 
 
 def shared_errors(
-    noise: Noise, readings: Readings, displacement_m: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """Return directions (m, q) in which shared errors move the travel, and the errors' rms in m.
+    noise: Noise, readings: Readings, displacement_m: np.ndarray, sigma_m: np.ndarray
+) -> tuple[SharedErrors | None, float]:
+    """Return the errors of first touch and lag that readings share, and their rms in m.
 
-    What an uncertain first touch of a press or an uncertain lag shifts is no structure of a
-    residual.
+    What they shift is no structure of a residual. None where the noise has no such errors.
     """
+    if not (noise.touch_m or noise.lag_s):
+        return None, 0.0
     lag_m = lag_error_m(noise, readings, displacement_m)
-    each = readings.press[:, None] == np.arange(readings.presses if noise.touch_m else 0)
-    directions = np.column_stack([each, lag_m] if noise.lag_s else [each])
-    return directions, float(np.sqrt(noise.touch_m**2 + np.mean(lag_m**2)))
+    touch_m = np.full_like(sigma_m, noise.touch_m)
+    common = np.column_stack([TOUCH.common_share * touch_m, lag_m])
+    shared = SharedErrors.of(
+        touch_m[:, None] / sigma_m[:, None], common / sigma_m[:, None], readings.press
+    )
+    return shared, float(np.sqrt(noise.touch_m**2 + np.mean(lag_m**2)))

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from identify.effects.base import Effect
 from identify.fit.cross_validation import CrossValidation, cross_validate
 from identify.fit.result import FitResult
@@ -97,8 +95,9 @@ def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
     absorbed = correlated(inside, fit.at.common_errors, 0 * press)
     absorbed = correlated(absorbed, fit.at.shared_errors, press)
     model = fit.model
-    directions, shared_m = shared_errors(model.noise, model.readings, model.displacement_m)
-    absorbed = np.hstack([absorbed, directions / fit.at.sigma_m[:, None]])
+    shared, shared_m = shared_errors(
+        model.noise, model.readings, model.displacement_m, fit.at.sigma_m
+    )
     return Whitened(
         scan=scan.used(),
         residual_m=fit.residual_m,
@@ -107,4 +106,5 @@ def whitened_fit(fit: FitResult, scan: Scan) -> Whitened:
         absorbed=absorbed,
         noise_estimated=fit.model.noise.estimated,
         shared_m=shared_m,
+        shared=shared,
     )

@@ -88,9 +88,11 @@ def test_a_lag_within_its_error_is_no_structure_and_no_effect():
         scores.append((slope @ at.residual) ** 2 / (slope @ slope))
     assert scores[0] > 25
     assert scores[1] < 2
-    directions, rms = shared_errors(NOISE, model.readings, model.displacement_m)
+    shared, rms = shared_errors(NOISE, model.readings, model.displacement_m, at.sigma_m)
     error = lag_error_m(NOISE, model.readings, model.displacement_m)
-    assert_allclose(directions[:, 0], error)
+    assert shared is not None
+    off = model.displacement_m - at.predicted_m
+    assert_allclose(shared.whitened(off / at.sigma_m), at.residual, atol=1e-9)
     assert_allclose(rms, np.sqrt(np.mean(error**2)))
 
 

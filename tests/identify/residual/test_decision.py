@@ -6,10 +6,11 @@ from functools import partial
 import numpy as np
 import pytest
 
+from identify.effects.readings import Readings
 from identify.measurement.errors_in_variables import whitening
 from identify.measurement.noise import Noise
 from identify.residual.compare import QUESTIONS, compare_residual
-from identify.residual.whitened import Whitened
+from identify.residual.whitened import Whitened, shared_errors
 from identify.select.settings import SELECTION
 from models.scan import Scan
 
@@ -156,6 +157,23 @@ def test_a_pattern_of_chance_is_told_and_is_no_missing_cause():
     assert "in one of 187 scans: it varies most with the phase" in selected.statement
     beyond = compare_residual(scan_of(80, PLANTED["hysteresis"][1], grid=5), SELECTION.residual)
     assert not beyond.is_noise
+
+
+def test_a_touch_within_its_error_is_noise_and_one_far_beyond_is_structure():
+    """Projected out, any offset was noise, and with it whatever bends all curves alike."""
+    noise = replace(NOISE, touch_m=3.6e-5)
+    for seed in range(4):
+        w = scan_of(seed, grid=7)
+        readings = Readings.of(w.scan)
+        shared, rms = shared_errors(noise, readings, w.scan.displacement_m, w.sigma_m)
+        assert rms == noise.touch_m
+        rng = np.random.default_rng(1000 + seed)
+        touched = w.residual_m + rng.normal(0, noise.touch_m, w.presses)[w.press_index]
+        assert compare_residual(replace(w, residual_m=touched, shared=shared)).is_noise
+        assert not compare_residual(replace(w, residual_m=touched)).is_noise
+        far = compare_residual(replace(w, residual_m=touched + 2e-4, shared=shared))
+        assert not far.is_noise
+        assert far.varies_with == "force", far.statement
 
 
 def test_the_measured_force_in_place_of_the_latent_one_fabricates_structure():

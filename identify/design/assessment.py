@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,10 +14,12 @@ from identify.design.next_presses import Proposal, next_presses
 from identify.design.other_map import OtherMap
 from identify.design.predicted_limits import designs_on_body
 from identify.design.scan_variants import Presses, presses_of, variations
-from identify.design.settings import DETECTION, PLAN, DetectionSettings
+from identify.design.settings import DETECTION, PLAN, DetectionSettings, PlanSettings
 from identify.design.undetected_bias import UndetectedBias, undetected_biases
 from identify.effects.base import Effect, advice
 from identify.fit.result import Estimate
+from identify.fit.settings import CONTACT_LAW
+from identify.select.accepted_effect import AcceptedEffect
 from identify.select.diagnosis import EffectVerdict
 from identify.select.explanation import Explanation
 from identify.select.form_average import Form, averaged, forms_of
@@ -209,4 +211,17 @@ def _next_presses(
     presses = presses_of(readings)
     few = np.linspace(0, len(presses) - 1, min(PLAN.most, len(presses))).round().astype(int)
     designs = designs_on_body(candidates[0][1], variations(presses.taken(few), timed, most_force_n))
-    return next_presses(candidates, designs, say)
+    return next_presses(candidates, designs, say, _settings(explained, group))
+
+
+def _settings(explained: Explanation, group: AcceptedEffect) -> PlanSettings:
+    """Return the settings for a group: its laws must differ by more than they are right to.
+
+    Laws of contact within a share of the excess misfit are equal (`ContactLawSettings.equal`), also
+    of both scans together, whose excess is up to twice as large.
+    """
+    if not group.shown_by_presses:
+        return PLAN
+    alone = explained.ladder[0].fit
+    slack = 2 * CONTACT_LAW.equal * max(alone.chi2 - alone.dof, 0.0)
+    return replace(PLAN, needed=PLAN.needed + slack, aim=PLAN.aim + slack)

@@ -24,6 +24,7 @@ from identify.design.settings import DETECTION, DetectionSettings
 from identify.effects.base import Effect
 from identify.fit.result import FitResult
 from identify.map import FreeMap
+from identify.measurement.chain import OperatingPoint
 from identify.measurement.linearised import Linearised
 from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
@@ -74,25 +75,39 @@ def planned(
     model = replace(
         fit.model,
         readings=readings,
-        displacement_m=np.zeros(len(readings)),
         mechanics=mechanics,
         unit_compliance=unit,
         map_uncertainty=None,
     )
-    at = model.linearise(fit.u)
-    model = replace(model, displacement_m=at.predicted_m)
+    body, off = model.body(fit.u), _off(fit, design.presses) if further else 1.0
+    c = off * body.compliance
+    e = body.local_modulus if unit is None else unit / c
+    exact = OperatingPoint(c, e, readings.force_n, model.values(fit.u))
+    # The travel decides on the latent force, beside which curved laws are made straight
+    model = replace(model, displacement_m=model.chain.predict(exact))
+    model = replace(model, displacement_m=model.around(body, fit.u, off).predicted_m)
     if fit.field is not None and not further:
-        model = replace(model, map_uncertainty=_uncertainty(fit, at))
-    # Anew: with noise in both columns the best estimate of the force follows the displacement
-    at = model.around(at.body, fit.u)
+        model = replace(model, map_uncertainty=_uncertainty(fit, body))
+    at = model.around(body, fit.u, off)
     return model, replace(at, residual=np.zeros(len(readings)))
 
 
-def _uncertainty(fit: FitResult, at: Linearised) -> MapUncertainty:
+def _off(fit: FitResult, presses: Presses) -> np.ndarray:
+    """Return the factors (j,) by which presses are softer than the map has them.
+
+    The most probable compliances of the present scan's presses, at the nearest of them. Beside an
+    effect that takes a tenth of the travel, a free map that was found without it is as much off.
+    """
+    made = presses_of(fit.model.readings)
+    apart = np.linalg.norm(presses.point_m[:, None] - made.point_m, axis=2)
+    return (fit.at.compliance / fit.at.body.compliance)[apart.argmin(axis=1)]
+
+
+def _uncertainty(fit: FitResult, body: BodyResponse) -> MapUncertainty:
     """Return the prior of a free map in the compliances of a scan in place of the present one."""
     assert isinstance(fit.map, FreeMap)
     assert fit.field is not None
-    by_field, error = at.body.by_field(), fit.field.hyper.error
+    by_field, error = body.by_field(), fit.field.hyper.error
     of_field = fit.field.hyper.prior(fit.map.grid).product(by_field) @ by_field.T
     each = np.ones(len(by_field))
     return MapUncertainty(of_field, error**2 * each, 0 * each, each)

@@ -21,7 +21,8 @@ _SAMPLES = {"load": 8, "hold": 8, "unload": 6}
 class Presses:
     """Presses to be made, in order; all arrays (j,) but the first two (j, 3). SI units.
 
-    `pause_s` is the rest before a press.
+    `pause_s` is the rest before a press, `released` the share of its force at which the readings of
+    its unloading end.
     """
 
     point_m: np.ndarray
@@ -32,6 +33,7 @@ class Presses:
     hold_s: np.ndarray
     unload_s: np.ndarray
     pause_s: np.ndarray
+    released: np.ndarray
 
     def __len__(self) -> int:
         return len(self.force_n)
@@ -87,7 +89,7 @@ def presses_of(readings: Readings, seed: int = 0, settings: PlanSettings = PLAN)
             spans[phase] = _typical_span(readings, rows) if rows.any() else 0.0
     elif not (readings.phase == "hold").any():
         spans["hold"] = 0.0
-    rng = np.random.default_rng(seed)
+    rng, released = np.random.default_rng(seed), _released(readings)
     return Presses(
         point_m=readings.point_m[first],
         direction=readings.direction[first],
@@ -95,8 +97,9 @@ def presses_of(readings: Readings, seed: int = 0, settings: PlanSettings = PLAN)
         force_n=peak,
         ramp_s=np.full(j, max(spans["load"], 1e-3)),
         hold_s=np.full(j, spans["hold"]),
-        unload_s=np.full(j, spans["unload"]),
+        unload_s=np.full(j, spans["unload"] / (1 - released)),
         pause_s=rng.uniform(*settings.pause_s, j),
+        released=np.full(j, released),
     )
 
 
@@ -121,7 +124,8 @@ def readings_of(
         for phase, span, start, end in parts:
             if span <= 0:
                 continue
-            share = np.arange(1, _SAMPLES[phase] + 1) / _SAMPLES[phase]
+            read = 1 - presses.released[j] if phase == "unload" else 1.0
+            share = read * np.arange(1, _SAMPLES[phase] + 1) / _SAMPLES[phase]
             rows["press"].extend([j] * len(share))
             rows["time"].extend(clock + span * share)
             rows["phase"].extend([phase] * len(share))
@@ -242,6 +246,19 @@ def _two_radii(presses: Presses, most_n: float, settings: PlanSettings) -> Press
     # Forces in proportion, so that all go about as deep as before
     force = np.minimum(presses.force_n * radius / presses.radius_m, most_n)
     return replace(presses, radius_m=radius, force_n=force)
+
+
+def _released(readings: Readings) -> float:
+    """Return the share of a press's largest force at which its readings end, the middle one's.
+
+    A robot notes no reading as the tip leaves. At no force at all laws of contact differ most.
+    """
+    back = readings.phase == "unload"
+    if not back.any():
+        return 0.0
+    share = np.full(readings.presses, np.inf)
+    np.minimum.at(share, readings.press[back], (readings.force_n / readings.peak_force_n)[back])
+    return float(np.clip(np.median(share[np.isfinite(share)]), 0.0, 0.9))
 
 
 def _typical_span(readings: Readings, rows: np.ndarray) -> float:

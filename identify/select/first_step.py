@@ -1,6 +1,6 @@
 """The selection of a started fit, and its first step, from the contact law of the presses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from identify.fit.contact_law import ContactLaw
@@ -12,6 +12,7 @@ from identify.fit.settings import PRECISE
 from identify.map.gaussian_map import GaussianMap
 from identify.measurement.experiment import Progress
 from identify.measurement.model import MeasurementModel
+from identify.residual.compare import compare_residual
 from identify.select.accepted_effect import AcceptedEffect
 from identify.select.candidates import Candidate
 from identify.select.diagnosis import diagnose
@@ -19,7 +20,7 @@ from identify.select.explanation import Explanation
 from identify.select.forward_selection import Policy, forward_selection
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit
-from identify.select.step import Step
+from identify.select.step import Step, whitened_fit
 
 
 def selected(
@@ -43,7 +44,14 @@ def selected(
         if without is not None and without.accepted:
             return _refitted(without, step, say)
         assert law is not None
-        return follow(law, step, start.start, say, settings)
+        found = follow(law, step, start.start, say, settings)
+        if found is None or _is_noise(found[0], start, settings):
+            return found
+        for equal in _equals(law, settings):
+            other = follow(equal, step, start.start, say, settings)
+            if other is not None and _is_noise(other[0], start, settings):
+                return other
+        return found
 
     calls = law is not None and _calls_for_effects(law, start)
     return forward_selection(
@@ -61,6 +69,18 @@ def selected(
         settings=replace(settings, most_effects=0) if start.model.press_error else settings,
         first=start.joint,
     )
+
+
+def _is_noise(fit: FitResult, start: StartFit, settings: SelectionSettings) -> bool:
+    return compare_residual(whitened_fit(fit, start.scan), settings.residual).is_noise
+
+
+def _equals(law: ContactLaw, settings: SelectionSettings) -> Iterator[ContactLaw]:
+    """Yield laws that do as well for the presses, best first: beside a map one may do better."""
+    for name in law.names:
+        for _, fit in [*law.candidates(name), *law.splits(name)][: settings.pairs]:
+            if fit.middle_misfit <= settings.meets_presses:
+                yield replace(law, found=fit)
 
 
 def with_exact_map(

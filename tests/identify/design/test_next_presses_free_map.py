@@ -1,6 +1,7 @@
 """Proposed presses beside a free map: they know its prior, and what the present scan says of it."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -10,7 +11,13 @@ from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.next_presses import _Planned
 from identify.design.predicted_limits import planned
-from identify.design.scan_variants import Design, Presses, readings_of, variations
+from identify.design.scan_variants import (
+    Design,
+    Presses,
+    presses_of,
+    readings_of,
+    variations,
+)
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map_fit import FreeMapFit
 from identify.fit.result import FitResult
@@ -27,10 +34,11 @@ HYPER = Hyper(0.02, 0.3, 0.02)
 CANDIDATES = {"contact_offset": {"offset_m": -2e-5}, "touch_threshold": {"threshold_n": 4e-3}}
 
 
-def pressed(presses: Presses) -> MeasurementModel:
+def pressed(presses: Presses, profile: Literal["flat", "hertz"] = "flat") -> MeasurementModel:
     """Readings of an uneven body, their travel too short by the same; without noise."""
     readings = readings_of(presses, timed=False)
-    contacts = Contacts(presses.point_m, presses.direction, presses.radius_m)
+    radius = presses.radius_m * {"flat": 1.0, "hertz": 0.6}[profile]
+    contacts = Contacts(presses.point_m, presses.direction, radius, profile)
     coarse = PalpationModel(block_mesh(SIZE, (5, 5, 3)), NU, contacts)
     grid = Grid.over(np.array([[0, 0, 0], SIZE]), 0.006)
     true = LEVEL + MaternField(grid, 0.02, 0.3).draws(np.random.default_rng(3), 1)[0]
@@ -63,7 +71,7 @@ def chi2(candidates: list[tuple[str, FitResult]]) -> list[float]:
 @pytest.fixture(scope="module")
 def present() -> Presses:
     each, down = np.ones(25), np.tile([0.0, 0.0, -1.0], (25, 1))
-    return Presses(points(), down, 0.004 * each, 0.3 * each, each, 2 * each, each, each)
+    return Presses(points(), down, 0.004 * each, 0.3 * each, each, 2 * each, each, each, 0 * each)
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +97,43 @@ def test_designs_of_any_presses_are_planned_at_the_map_of_the_fit(candidates, de
         assert at.modulus == pytest.approx(REFERENCE_PA * homogeneous / c, rel=1e-9)
         assert model.displacement_m == pytest.approx(at.predicted_m)
         assert (model.map_uncertainty is None) == further
+
+
+def test_presses_are_planned_with_the_compliances_that_the_present_readings_ask_for(
+    candidates, designs
+):
+    """Beside an effect a map may be off that was found without it: the readings say how far."""
+    fit = candidates[0][1]
+    softer = 1 + 0.01 * np.arange(25)
+    assert fit.at.compliance == pytest.approx(fit.at.body.compliance, rel=1e-3)
+    at = replace(fit.at, compliance=softer * fit.at.body.compliance)
+    off = replace(fit, solution=replace(fit.solution, at=at))
+    for name in ("two_forces", "two_radii"):  # those of another tip: as the press at their place
+        model, there = planned(off, designs[name], further=True)
+        assert there.compliance == pytest.approx(softer * there.body.compliance, rel=1e-12)
+        r = model.readings
+        travel = there.compliance[r.press] * r.force_n + fit.values["contact_offset.offset_m"]
+        assert there.predicted_m == pytest.approx(travel, abs=1e-9)
+
+
+def test_planned_readings_of_a_ball_are_those_of_its_law_at_the_forces_that_are_set(present):
+    soft = replace(present, force_n=np.linspace(0.02, 0.05, 25))
+    model = pressed(soft, "hertz")
+    fit = FreeMapFit(model, HYPER, LENGTHS_M).run()
+    (same,) = (d for d in variations(soft, timed=False) if d.name == "same")
+    further, there = planned(fit, same, further=True)
+    exact = there.point._replace(force_n=further.readings.force_n)
+    assert further.displacement_m == pytest.approx(further.chain.predict(exact), abs=2e-7)
+
+
+def test_planned_readings_end_where_those_of_the_scan_do(present):
+    """A robot notes none as the tip leaves: at no force laws differ most."""
+    noted = readings_of(replace(present, released=np.full(25, 0.1)), timed=True)
+    assert presses_of(noted).released == pytest.approx(0.1)
+    again = readings_of(presses_of(noted), timed=True)
+    assert again.force_n.min() == pytest.approx(noted.force_n.min())
+    back = again.phase == "unload"
+    assert np.ptp(again.time_s[back & (again.press == 0)]) == pytest.approx(0.9 * 5 / 6, rel=1e-6)
 
 
 def test_places_that_were_pressed_tell_more_than_another_body_of_the_prior(candidates, designs):

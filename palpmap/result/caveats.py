@@ -1,8 +1,12 @@
 """Assumptions of a fit, in sentences for the report."""
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from identify.fit import FitResult
+from identify.measurement import EffectInModel
+from palpmap.study.frame import frame_shift_m
 from palpmap.study.study import Study
 
 SMALL_STRAIN = 0.1
@@ -54,3 +58,29 @@ def limits_of(
     if fit.noise.estimated:
         limits.append("Noise that the study does not give was estimated from the scan.")
     return tuple(limits)
+
+
+def starts_beyond(
+    effects: Sequence[EffectInModel], study: Study, origin_m: np.ndarray
+) -> Iterator[str]:
+    """Yield a sentence for each start of a study's effect that is beyond its bounds in the scan.
+
+    Parameters
+    ----------
+    effects : of the model, whose positions are in the body's frame
+    origin_m : (3,) added to a position it gives the scan's frame
+    """
+    stated = {entry.name: entry.initial for entry in study.effects}
+    for part in effects:
+        name = part.effect.name
+        for p in part.parameters:
+            if p.name not in stated.get(name, {}):
+                continue
+            start, shift = stated[name][p.name], frame_shift_m(f"{name}.{p.name}", origin_m)
+            begun = min(max(start, p.lower + shift), p.upper + shift)
+            if abs(start - begun) > 1e-9 * abs(start):
+                yield (
+                    f"The search for {name} began at {p.name} = {begun:.4g}, as the study's "
+                    f"{start:.4g} is beyond what this scan bears ({p.lower + shift:.4g} to "
+                    f"{p.upper + shift:.4g})."
+                )

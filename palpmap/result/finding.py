@@ -15,7 +15,7 @@ from identify.map import GaussianMap
 from identify.residual import Comparison
 from identify.select import Step
 from models import Scan
-from palpmap.result.caveats import limits_of
+from palpmap.result.caveats import limits_of, starts_beyond
 from palpmap.result.outline import Outline, study_outline
 from palpmap.result.records import ParameterRecord
 from palpmap.result.truth import FILE as TRUTH
@@ -90,6 +90,8 @@ class Finding:
         outline, used = study_outline(study), scan.used()
         height_m = float(outline.upper_m[2] - outline.lower_m[2])
         limits = limits_of(fit, study, used.displacement_m, height_m)
+        if fit.solution is not None:
+            limits += tuple(starts_beyond(fit.model.effects, study, origin_m))
         probed = probed_part(study.body, scan.contact_points, scan.contact_radii)
         if probed is not None and study.body.shape == "from-contacts":
             probed = probed + outline.lower_m  # from the frame of the bent block

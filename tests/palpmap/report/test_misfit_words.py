@@ -1,10 +1,14 @@
 """The misfit in words: an error in length that rises, and presses that no map meets."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from identify.catalogue import CATALOGUE
+from identify.measurement import EffectInModel
+from palpmap.result.caveats import starts_beyond
 from palpmap.result.explain_words import unreliable
 from palpmap.result.misfit_words import few_presses_words, other_map_sentence, rise_note
 from palpmap.result.presses_words import first_readings_sentence
@@ -104,3 +108,25 @@ def test_the_first_readings_tell_the_force_from_which_travel_counts():
     found = float(said(travel).split("have ")[1].split(" mN")[0])
     assert abs(found - 85) < 3 * 1.25 * 12 / np.sqrt(50)
     assert said(travel + 1e-3) == ""
+
+
+def test_a_start_beyond_what_a_scan_bears_is_said_and_one_within_it_is_not():
+    creep = CATALOGUE["local_creep"]
+    low, high = np.zeros(3), np.array([0.1, 0.1, 0.05])
+    bounds = [
+        replace(p, lower=0.0, upper=float(high["xyz".index(p.name[0])]))
+        if p.name in ("x_m", "y_m", "z_m")
+        else p
+        for p in creep.parameters
+    ]
+    assert "x_m" in [p.name for p in bounds]
+    part = EffectInModel(creep, tuple(bounds), {})
+    for x_m, said in ((1.05, False), (1.2, True)):  # in a frame whose origin lies 1 m off
+        study: Any = SimpleNamespace(
+            effects=[SimpleNamespace(name=creep.name, initial={"x_m": x_m})]
+        )
+        sentences = list(starts_beyond([part], study, low + 1.0))
+        assert len(sentences) == said
+    assert sentences[0].startswith(
+        "The search for local_creep began at x_m = 1.1, as the study's 1.2"
+    )

@@ -96,7 +96,8 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
     if explained.verdict == "explained":
         chance = by_chance(explained)
         plain = f"With {sure} in the model, the residual is noise."
-        return f"With {sure} in the model: {chance}" if chance else plain
+        said = f"With {sure} in the model: {chance}" if chance else plain
+        return said + _of_any_shape(explained)
     if explained.verdict == "ambiguous":
         text = "; ".join(" or ".join(group) for group in explained.ambiguous) + "."
         text += f" In addition: {sure}." if sure else ""
@@ -115,6 +116,19 @@ def verdict_detail(explained: Explanation, other: OtherMapRecord | None = None) 
     if other and other.answer == "another_map":  # what the residual looks like is the wrong map's
         return maps
     return f"{law_sentence(residual)} {look} {_help(explained)}{maps}".strip()
+
+
+def _of_any_shape(explained: Explanation) -> str:
+    """Say of added effects of free shape that a name stands for their shape alone."""
+    names = [name for name in explained.added if explained.effect(name).any_shape]
+    if not names:
+        return ""
+    has = "has" if len(names) == 1 else "have"
+    such = ", such as a tip that sticks" if names == ["free_loop"] else ""
+    return (
+        f" {listed(names)} {has} a free shape, which says how the readings go: whatever goes so "
+        f"may be the cause{such}."
+    )
 
 
 def by_chance(explained: Explanation) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from identify.catalogue import CATALOGUE
 from identify.measurement import EffectInModel
 from palpmap.result.caveats import starts_beyond
-from palpmap.result.explain_words import unreliable
+from palpmap.result.explain_words import unreliable, verdict_detail
 from palpmap.result.misfit_words import few_presses_words, other_map_sentence, rise_note
 from palpmap.result.presses_words import first_readings_sentence
 from palpmap.result.records import OtherMapRecord
@@ -130,3 +130,19 @@ def test_a_start_beyond_what_a_scan_bears_is_said_and_one_within_it_is_not():
     assert sentences[0].startswith(
         "The search for local_creep began at x_m = 1.1, as the study's 1.2"
     )
+
+
+def test_an_effect_of_free_shape_is_said_to_name_a_shape_and_no_cause():
+    def said(*added: str) -> str:
+        noise = SimpleNamespace(is_noise=True, p_value=0.5, alpha=0.01)
+        explained: Any = SimpleNamespace(
+            apart=None, added=added, verdict="explained", effect=CATALOGUE.__getitem__,
+            final=SimpleNamespace(comparison=noise),
+        )  # fmt: skip
+        return verdict_detail(explained)
+
+    assert said("hysteresis") == "With hysteresis in the model, the residual is noise."
+    loop = said("free_loop", "time_lag")
+    assert "free_loop has a free shape" in loop
+    assert "such as a tip that sticks" in loop
+    assert said("free_saturation").endswith("whatever goes so may be the cause.")

@@ -284,7 +284,7 @@ def commented(text: str, first: str) -> str:
     comments = {
         "[study]": first,
         "[body]": "# The body: size, file and origin_m (its frame in the scan's) in m.",
-        "[probe]": "# The tip.",
+        "[probe]": "# The tip; with most_force_n, in N, presses are proposed up to that force.",
         "[noise]": "# One standard deviation: of each reading, the depth of first touch, the lag.",
         "[map]": '# A number of inclusions (or "auto"), or kind = "free": a map of any shape.',
     }

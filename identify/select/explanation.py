@@ -138,12 +138,17 @@ class Explanation:
 
     @property
     def parts_of_unknown(self) -> tuple[str, ...]:
-        """Effects of any shape beside the course of an unknown cause: they may be parts of it.
+        """Effects beside the course of an unknown cause that may be parts of it.
 
-        A tip that stuck was a saturation or a loop of free shape in two of twenty trials.
+        Those of any shape: a tip that stuck was a saturation or a loop of free shape in two of
+        twenty trials. Beside several courses each that the presses' contact law does not call for.
         """
-        names = (a.name for a in self.accepted if self.unknown and not a.is_unknown)
-        return tuple(name for name in names if self.effect(name).any_shape)
+        several = len(self.unknown) > 1
+        return tuple(
+            a.name for a in self.accepted
+            if self.unknown and not a.is_unknown
+            and ((several and not a.meets_presses) or self.effect(a.name).any_shape)
+        )  # fmt: skip
 
     @property
     def told_apart(self) -> bool:
@@ -219,7 +224,9 @@ class Explanation:
     @property
     def explained_share(self) -> float:
         """Share of the first step's excess chi-square that the accepted effects remove."""
-        return _share(self.ladder[0].fit, self.final.fit)
+        first, last = self.ladder[0].fit, self.final.fit
+        excess = first.chi2 - first.dof
+        return float(1 - max(last.chi2 - last.dof, 0.0) / excess) if excess > 0 else 0.0
 
 
 def verdict_of(
@@ -341,9 +348,3 @@ def further_missing(
     if not last.comparison.is_noise or not is_more_missing(ladder, accepted, settings):
         return ""
     return max(_missing(last, settings), key=lambda name: last.diagnosis[name].statistic)
-
-
-def _share(before: FitResult, after: FitResult) -> float:
-    """Share of the excess chi-square of a fit that another one removes."""
-    excess = before.chi2 - before.dof
-    return float(1 - max(after.chi2 - after.dof, 0.0) / excess) if excess > 0 else 0.0

@@ -95,6 +95,23 @@ def test_free_curves_are_marked():
     assert marked == {"free_loop", "free_saturation", "free_stiffening"}
 
 
+def test_beside_several_courses_of_an_unknown_cause_no_effect_has_a_name():
+    """A sticky tip was three courses, a free loop and the saturation of a sensor."""
+    table = planted(13, sawtooth)
+    found = forward_selection(model(table), TRUE, table, [CATALOGUE["contact_offset"]])
+    (offset,) = found.accepted
+    courses: Any = [
+        replace(offset, name=name, candidates=(SimpleNamespace(name=name, family=UNKNOWN),))
+        for name in ("unknown_within_force", "unknown_back_force")
+    ]
+    one, several = (replace(found, accepted=(offset, *courses[:count])) for count in (1, 2))
+    assert one.parts_of_unknown == ()
+    assert several.parts_of_unknown == ("contact_offset",)
+    law: Any = SimpleNamespace(middle_misfit=1.0)
+    called = replace(offset, shown_by_presses=True, law=law)
+    assert replace(several, accepted=(called, *courses)).parts_of_unknown == ()
+
+
 @pytest.mark.slow
 def test_the_course_is_drawn_along_the_session(found):
     (curve,) = (c for c in form_curves(found.final.fit) if c.effect == "unknown_session_share")

@@ -18,6 +18,7 @@ from identify.select.candidates import Candidate
 from identify.select.diagnosis import diagnose
 from identify.select.explanation import Explanation
 from identify.select.forward_selection import Policy, forward_selection
+from identify.select.model_error import few_presses
 from identify.select.settings import SELECTION, SelectionSettings
 from identify.select.start_fit import StartFit
 from identify.select.step import Step, whitened_fit
@@ -45,7 +46,9 @@ def selected(
             return _refitted(without, step, say)
         assert law is not None
         found = follow(law, step, start.start, say, settings)
-        if found is None or _is_noise(found[0], start, settings):
+        if found is None or start.model.press_error or _is_noise(found[0], start, settings):
+            return found
+        if few_presses(*found, settings).any():  # no law of all presses meets these
             return found
         for equal in _equals(law, settings):
             other = follow(equal, step, start.start, say, settings)

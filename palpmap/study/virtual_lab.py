@@ -156,15 +156,16 @@ def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:
     """Return the facts known before a scan: noise, number of inclusions, tip, place."""
     settings = laboratory.settings
     noise = Noise(displacement_m=settings.displacement_noise_m, force_n=settings.force_noise_n)
+    plan, most = laboratory.plan, study.probe.most_force_n
+    if most is not None:  # a force that was asked for is borne
+        most = max(most, *(plan.force_of(press) for press in range(len(plan))))
     return study.model_copy(
         update={
             "study": About(name=study.name, scan=scan.resolve()),  # pyright: ignore[reportCallIssue]
             "noise": noise,
             "map": Map(inclusions=laboratory.inclusions),
             "body": study.body.model_copy(update={"origin_m": (0.0, 0.0, 0.0)}),
-            "probe": probe_of(laboratory.plan).model_copy(
-                update={"most_force_n": study.probe.most_force_n}
-            ),
+            "probe": probe_of(plan).model_copy(update={"most_force_n": most}),
         }
     )
 

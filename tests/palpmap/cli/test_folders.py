@@ -179,3 +179,12 @@ def test_programs_of_planned_scans_are_those_of_the_latest_limits(study, tmp_pat
         write_planned(better, sites, tmp_path)
     written = read_program(tmp_path / "scan_two_forces.csv")
     assert_allclose(written.force_n, 2 * presses.force_n, rtol=1e-5)
+
+
+def test_a_scan_says_what_its_next_presses_may_press_with(tmp_path):
+    """As much as the laboratory bears, or as was asked for."""
+    for force, most in ((0.3, 1.0), (1.5, 1.5)):
+        run = tmp_path / f"{force:g}"
+        words = ["--presses-per-side", "2", "--force", force, "--out", run, "--quiet"]
+        assert palpmap("scan", *words).exit_code in (0, 1)
+        assert load_study(run / "study.toml").probe.most_force_n == most

@@ -83,7 +83,9 @@ def forms_of(explained: Explanation) -> tuple[Form, ...]:
         for c in near:
             if c is winner or c.fit.at_bound:
                 continue
-            weight = float(np.exp(min(log_evidence(c.fit) - log_evidence(winner.fit), 50.0)))
+            weight = 1.0  # of laws of contact that are equal as far as these are right
+            if not accepted.shown_by_presses:
+                weight = float(np.exp(min(log_evidence(c.fit) - log_evidence(winner.fit), 50.0)))
             scaled = {
                 name: (mean + now[name] - then[name], variance)
                 for name, (mean, variance) in _posterior(c.fit).items()

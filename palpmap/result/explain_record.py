@@ -66,7 +66,7 @@ def explain_record(
         suspects_left=assessment.outlying,
         without_suspects=None if without is None else without_record(without),
         explained_share=explained.explained_share,
-        presses_alone=presses_record(problem),
+        presses_alone=presses_record(problem, explained.accepted),
         unseen_inclusions=assessment.unseen_inclusions,
         stated_lengths=assessment.confounders,
         finer_cells=finer_cells(problem.study.body, shown) if assessment.finer_mesh else None,

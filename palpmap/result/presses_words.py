@@ -1,11 +1,13 @@
 """The fit of the single presses without a map: its record and its sentences."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from identify.effects import force, percent
 from identify.fit import CONTACT_LAW, FreeComplianceFit
+from identify.select import AcceptedEffect
 from models import Scan
 from palpmap.result.records import (
     CountRecord,
@@ -18,13 +20,20 @@ from palpmap.study.open_study import Problem
 _NO_TRAVEL = 0.02  # of the press's largest
 
 
-def presses_record(problem: Problem) -> PressesAloneRecord | None:
-    """Return the fit of the single presses, None where it was not asked for."""
+def presses_record(
+    problem: Problem, accepted: Sequence[AcceptedEffect]
+) -> PressesAloneRecord | None:
+    """Return the fit of the single presses, None where it was not asked for.
+
+    With the law that the map was fitted beside, of the accepted effects, where there is one.
+    """
     law = problem.law
     if law is None:
         return None
-    if law.partial is not None and problem.fit.field is not None:  # the map was fitted beside it
-        law = replace(law, found=law.partial)
+    beside = next((effect.law for effect in accepted if effect.law is not None), None)
+    if beside is None and problem.fit.field is not None:
+        beside = law.partial
+    law = replace(law, found=beside or law.found)
     largest = problem.model.readings.largest_force_n
     return PressesAloneRecord(
         effects=law.names,

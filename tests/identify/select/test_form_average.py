@@ -66,6 +66,16 @@ def test_an_effect_is_averaged_over_the_forms_of_the_others_alone(crept):
     assert counted["background_pa"] == fit.parameters["background_pa"]
 
 
+def test_laws_that_are_equal_for_the_presses_have_equal_weights(crept):
+    """Their joint fits tell no more than the laws are right to: not 99 % for one of them."""
+    (effect,) = crept.accepted
+    other = replace(effect.candidates[0], name="another law")
+    called = replace(effect, candidates=(*effect.candidates, other), shown_by_presses=True)
+    forms = forms_of(replace(crept, accepted=(called,)))
+    assert len(forms) > 1
+    assert [form.weight for form in forms] == pytest.approx([1 / len(forms)] * len(forms))
+
+
 def test_a_structured_residual_averages_nothing(crept):
     left = replace(crept, verdict="unexplained")
     assert forms_of(left) == ()

@@ -154,8 +154,8 @@ def variations(
 ) -> Iterator[Design]:
     """Yield scans that differ from the present one in one thing each.
 
-    `most_force_n` : of any press; None is the largest of the present scan, and of its own place, as
-    robot, sensor and body have borne no more
+    `most_force_n` is that of any press. None is the largest of the present scan, and with the same
+    tip that of the place: robot, sensor and body have borne no more.
     """
     presses, most = _borne(presses, most_force_n)
     j, slower = len(presses), settings.slower

@@ -282,8 +282,7 @@ class MeasurementModel:
             e = self.unit_compliance / c
         chain = self._chain(body)
         judged = judge(chain, c, e, self.displacement_m, self.noise, values)
-        residual, sigma = judged.residual_m, judged.sigma_m
-        latent = self._latent(judged)
+        residual, sigma, latent = judged.residual_m, judged.sigma_m, self._latent(judged)
         point = OperatingPoint(c, e, latent, values)
         by = Derivatives(self, u, body, chain, point)
         by_c, by_e = by.by_body

@@ -143,11 +143,11 @@ class Explanation:
         Those of any shape: a tip that stuck was a saturation or a loop of free shape in two of
         twenty trials. Beside several courses each that the presses' contact law does not call for.
         """
-        several = len(self.unknown) > 1
+        courses = len(self.unknown)
+        parts = (a for a in self.accepted if courses and not a.is_unknown)
         return tuple(
-            a.name for a in self.accepted
-            if self.unknown and not a.is_unknown
-            and ((several and not a.meets_presses) or self.effect(a.name).any_shape)
+            a.name for a in parts
+            if self.effect(a.name).any_shape or (courses > 1 and not a.meets_presses)
         )  # fmt: skip
 
     @property
@@ -186,8 +186,7 @@ class Explanation:
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Accepted effects of the last model whose size the scan does not determine."""
-        names = tuple(effect.name for effect in self.accepted)
-        return undetermined(self.final.fit, names, self.settings)
+        return undetermined(self.final.fit, [a.name for a in self.accepted], self.settings)
 
     @property
     def implausible(self) -> tuple[str, ...]:

@@ -60,7 +60,7 @@ def form_notes(record: ExplainRecord, explained: Explanation) -> list[str]:
     if last is None or not others:
         return _next_forms(explained)
     beside = listed(
-        [f"{form.effect} for {form.in_place_of} ({percent(form.weight)})" for form in others]
+        [f"{form.effect} in place of {form.in_place_of} {percent(form.weight)}" for form in others]
     )
     alone = explained.final.fit.parameters
 
@@ -70,8 +70,8 @@ def form_notes(record: ExplainRecord, explained: Explanation) -> list[str]:
 
     free = [name for name in explained.final.fit.map.names if alone[name].free]
     text = (
-        f"The form is open: {percent(last.weight)} of the evidence is for the last model, the rest "
-        f"for {beside}. {_simplest(others[0], last, explained)}The map's intervals count that."
+        f"The form is open: the last model counts {percent(last.weight)}, {beside}. "
+        f"{_simplest(others[0], last, explained)}The map's intervals are those of all together."
     )
     if not free or wider(most := max(free, key=wider)) < _FORM_COUNTS:
         return [text]

@@ -163,7 +163,9 @@ class FormRecord(Record):
 
     in_place_of: str = Field(description="the accepted effect; empty for the last model itself")
     effect: str = Field(description="the candidate; empty for the last model itself")
-    weight: float = Field(description="share of the evidence of all these models, 0 to 1")
+    weight: float = Field(
+        description="share among all these models, by evidence; alike for equal laws of contact"
+    )
 
 
 class FormCurveRecord(Record):

@@ -1,6 +1,8 @@
 """Proposed presses: as few as are needed, and what they promise is what they bring when made."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from numpy.testing import assert_array_equal
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
+from identify.design.assessment import _settings
 from identify.design.next_presses import _Planned, next_presses
 from identify.design.scan_variants import (
     Design,
@@ -20,6 +23,8 @@ from identify.design.scan_variants import (
 from identify.design.settings import PLAN
 from identify.effects.readings import Readings
 from identify.fit.joint_fit import fit_jointly
+from identify.fit.settings import CONTACT_LAW
+from identify.select.accepted_effect import AcceptedEffect
 from models.scan import Scan
 from tests.identify.select.loop_problem import (
     NU,
@@ -207,3 +212,14 @@ def test_a_course_in_time_may_go_on_in_any_way_after_the_scan(softening):
     (same,) = (d for d in variations(presses, True) if d.name == "same")
     told = _Planned(softening, same).worth_in_order(np.arange(25))
     assert told["preconditioning", "sensitivity_wander"] < 0.5 * PLAN.needed
+
+
+def test_laws_of_the_presses_are_separated_beyond_what_they_are_right_to():
+    """They are equal within 1 % of the excess, of both scans together 2 % of one's."""
+    alone = SimpleNamespace(chi2=4000.0, dof=1000)
+    explained: Any = SimpleNamespace(ladder=[SimpleNamespace(fit=alone)])
+    law, score = (AcceptedEffect("play", (), shown_by_presses=shown) for shown in (True, False))
+    assert _settings(explained, score) is PLAN
+    wider = _settings(explained, law)
+    assert wider.needed - PLAN.needed == pytest.approx(2 * CONTACT_LAW.equal * 3000)
+    assert wider.aim - PLAN.aim == wider.needed - PLAN.needed

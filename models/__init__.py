@@ -7,6 +7,7 @@ from models.label_volume import LabelVolume
 from models.press_program import (
     USUAL_RADIUS_M,
     PressProgram,
+    early_rest,
     grid_program,
     read_program,
     write_program,
@@ -33,6 +34,7 @@ __all__ = [
     "LabelVolume",
     "PressProgram",
     "Scan",
+    "early_rest",
     "grid_program",
     "join_scans",
     "mesh_folder",

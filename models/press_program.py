@@ -40,6 +40,8 @@ USUAL_RADIUS_M = 0.005
 PAUSE_S = (0.05, 0.95)
 """Shortest and longest rest between two presses where none is given, s. Drawn at random, so that
 no frequency is locked to the rhythm of the presses."""
+REST = 1 / 8
+"""Share of the presses after which `early_rest` rests, and for which share of their time."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,28 @@ class PressProgram:
         return PressProgram(**arrays)
 
 
+def early_rest(pause_s: np.ndarray, pressing_s: np.ndarray) -> np.ndarray:
+    """Return the pauses with a rest after the first eighth of the presses, an eighth of all time.
+
+    At an even pace what goes with the count of presses goes with time. In a rest, early, as bodies
+    soften at first, only time goes on.
+
+    Parameters
+    ----------
+    pause_s : rest before each press, (j,) s
+    pressing_s : duration of each press, (j,) s
+
+    Examples
+    --------
+    >>> early_rest(np.ones(8), np.full(8, 3.0)).tolist()
+    [1.0, 5.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    """
+    rested = np.array(pause_s, float)
+    first = max(int(REST * len(rested)), 1)
+    rested[first : first + 1] += REST * float(np.sum(pause_s) + np.sum(pressing_s))
+    return rested
+
+
 def random_pauses(count: int, seed: int) -> np.ndarray:
     """Rests before `count` presses, (j,) s; the same for the same seed."""
     return np.random.default_rng([seed, 1]).uniform(*PAUSE_S, size=count)
@@ -154,6 +178,7 @@ def grid_program(
     repeats: int = 1,
     shuffled: bool = False,
     force_shares: tuple[float, ...] = (1.0,),
+    rested: bool = False,
 ) -> PressProgram:
     """Lay out a square grid of presses, row by row; radii take turns from point to point.
 
@@ -171,6 +196,7 @@ def grid_program(
     shuffled : random order, in place of row by row
     force_shares : of the peak force; they take turns too, each for as many points as there are
         radii, so that every radius gets every force
+    rested : with a rest after the first eighth of the presses (`early_rest`)
 
     Examples
     --------
@@ -185,6 +211,9 @@ def grid_program(
     radius = np.resize(np.array(radii_m, float), count)
     share = np.resize(np.repeat(np.array(force_shares, float), len(radii_m)), count)
     order = np.random.default_rng([seed, 4]).permutation(count) if shuffled else np.arange(count)
+    pause = random_pauses(count, seed)
+    if rested:
+        pause = early_rest(pause, np.full(count, ramp_s + hold_s + UNLOAD_S))
     return PressProgram(
         np.tile(x, per_side * repeats)[order],
         np.tile(np.repeat(y, per_side), repeats)[order],
@@ -193,7 +222,7 @@ def grid_program(
         np.full(count, ramp_s),
         np.full(count, hold_s),
         np.full(count, UNLOAD_S),
-        random_pauses(count, seed),
+        pause,
     )
 
 

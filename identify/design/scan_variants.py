@@ -13,6 +13,7 @@ import numpy as np
 
 from identify.design.settings import PLAN, PlanSettings
 from identify.effects.readings import Readings
+from models import early_rest
 
 _SAMPLES = {"load": 8, "hold": 8, "unload": 6}
 
@@ -56,6 +57,12 @@ class Presses:
     @property
     def _contact(self) -> np.ndarray:
         return np.column_stack([self.point_m, self.direction, self.radius_m])
+
+    @property
+    def rested(self) -> Presses:
+        """These presses with a rest after the first eighth of them."""
+        pressing_s = self.ramp_s + self.hold_s + self.unload_s
+        return replace(self, pause_s=early_rest(self.pause_s, pressing_s))
 
     def taken(self, index: np.ndarray) -> Presses:
         """Return the presses of some indices, in their order."""
@@ -184,6 +191,9 @@ def variations(
         "two_speeds", "with every other press four times as slow",
         replace(presses, ramp_s=slow * presses.ramp_s, unload_s=slow * presses.unload_s),
     )  # fmt: skip
+    rested = presses.rested
+    long, first = rested.pause_s.max(), int(rested.pause_s.argmax())
+    yield Design("rested", f"with a rest of {long:.0f} s after the first {_presses(first)}", rested)
     order = np.random.default_rng(seed).permutation(j)
     yield Design("shuffled", "with the places in random order", presses.taken(order))
     few = np.linspace(0, j - 1, min(settings.repeated, j)).round().astype(int)
@@ -199,7 +209,7 @@ def mixed(
     seed: int = 0,
     settings: PlanSettings = PLAN,
 ) -> Design:
-    """Return a scan of the same length with two tips, two forces and a random order.
+    """Return a scan of as many presses with two tips, two forces, a random order and a rest.
 
     `most_force_n` see `variations`.
     """
@@ -210,8 +220,8 @@ def mixed(
     share = np.resize(np.repeat(_forces(presses, most, settings), 2), len(presses))
     return Design(
         "mixed",
-        "with two tips, two forces and the places in random order",
-        replace(both, force_n=np.minimum(share * both.force_n, most)).taken(order),
+        "with two tips, two forces, the places in random order and an early rest",
+        replace(both, force_n=np.minimum(share * both.force_n, most)).taken(order).rested,
     )
 
 
@@ -237,6 +247,15 @@ def _as_hard(share: float) -> str:
     words = {1 / 3: "a third", 0.5: "half"}
     near = (word for number, word in words.items() if abs(share / number - 1) < 0.02)
     return f"{next(near, f'{share:.2g} times')} as hard"
+
+
+def _presses(count: int) -> str:
+    """Return a number of presses in words.
+
+    >>> _presses(1), _presses(10)
+    ('press', '10 presses')
+    """
+    return "press" if count == 1 else f"{count} presses"
 
 
 def _two_radii(presses: Presses, most_n: float, settings: PlanSettings) -> Presses:

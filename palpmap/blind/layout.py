@@ -17,7 +17,7 @@ SMALL_RADII_M = {1: (0.005,), 2: (0.003, 0.007)}  # a tip of 10 mm would reach o
 PRESSES_PER_SIDE = 9
 SMALL = 2 / 3  # edges of a small trial's block, over those of the usual one
 SMALL_PER_SIDE, SMALL_DIVISIONS, SMALL_CELL_M = 6, (10, 10, 5), 0.012
-MIXED = {"shuffled": True, "force_shares": (0.5, 1.5)}
+MIXED = {"shuffled": True, "force_shares": (0.5, 1.5), "rested": True}
 """Additions of a mixed scan to the plain one's places, see `models.press_program.grid_program`."""
 RIM = 1.5  # radii of the tip from a varied block's edges to the first presses
 TRAVEL = 0.7  # radii of the tip that a varied half-space would give way

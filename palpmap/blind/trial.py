@@ -40,7 +40,7 @@ class Conditions:
         anything
     size : share of the signal, None to draw 1 to 10 %
     radii : 1 or 2 tip radii
-    mixed : places in random order with two forces, or row by row with one
+    mixed : places in random order with two forces and a rest, or row by row with one force
     small : a smaller block, with fewer presses
     robot : the virtual robot presses, with the effect in its loop; else finished readings change
     varied : body, tip and presses of any size, see `palpmap.blind.layout.varied_layout`
@@ -68,7 +68,8 @@ class Trial:
     seed : of everything in it
     effects, sizes : names and shares of the signal
     radii : number of tip radii
-    mixed : whether the places come in random order, every other one pressed three times as hard
+    mixed : whether the places come in random order, every other one pressed three times as hard,
+        with an early rest
     small : whether the block is two thirds as large, with 36 presses and cells of the same size
     robot : whether the virtual robot presses
     varied : whether body, tip and presses are drawn, too

@@ -34,8 +34,8 @@ Mixed = Annotated[
     bool,
     typer.Option(
         "--mixed/--plain",
-        help="Press the places in random order, every other one three times as hard, which "
-        "shows smaller effects; or row by row with one force.",
+        help="Press the places in random order, every other one three times as hard, with an early "
+        "rest, which shows smaller effects; or row by row with one force.",
     ),
 ]
 Small = Annotated[

@@ -25,6 +25,15 @@ def join(
             show_default="as their clocks say",
         ),
     ] = None,
+    study: Annotated[
+        Path | None,
+        typer.Option(
+            "--study",
+            metavar="STUDY",
+            help="A study of one of them: the same of the new scan is written beside it.",
+            show_default=False,
+        ),
+    ] = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -33,8 +42,8 @@ def join(
     Presses are numbered on. Sensors that were set to zero in between, or a body that was moved,
     make two bodies of it: then explain the scans one by one.
 
-    Example: palpmap join scan.csv further.csv --out both.csv --pause 60
+    Example: palpmap join scan.csv further.csv --out both.csv --pause 60 --study study.toml
     """
     from palpmap.commands.join import run_join
 
-    run_join(scans=scans, out=out, pause_s=pause, output=Output(quiet, json))
+    run_join(scans=scans, out=out, pause_s=pause, study=study, output=Output(quiet, json))

@@ -107,6 +107,21 @@ def test_no_planned_press_is_harder_than_is_borne(fit, most):
     assert two.change.endswith(words.get(most, "half as hard and 1.5 times as hard"))
 
 
+def test_a_rest_parts_the_count_of_presses_from_time(fit):
+    presses = presses_of(fit.model.readings)
+    (rested,) = (d for d in variations(presses, True) if d.name == "rested")
+    more = rested.presses.pause_s - presses.pause_s
+    assert np.flatnonzero(more).tolist() == [len(presses) // 8]
+    assert more.max() == pytest.approx(presses.duration_s / 8)
+    assert (
+        rested.change
+        == f"with a rest of {more.max() + presses.pause_s[3]:.0f} s after the first 3 presses"
+    )
+    assert [d.name for d in variations(presses, timed=False)] == ["two_radii", "same", "two_forces"]
+    at_once = mixed(presses).presses
+    assert np.flatnonzero(at_once.pause_s > 2).tolist() == [len(presses) // 8]
+
+
 def test_places_too_near_an_edge_for_a_larger_tip_are_left_out_of_its_scan(fit):
     # Tips of 4 mm, 5 mm from the sides; with 8 mm only the inner nine places are left to them
     presses = presses_of(fit.model.readings)

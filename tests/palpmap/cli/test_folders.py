@@ -22,6 +22,7 @@ from palpmap.blind.trial import Trial, make_trial
 from palpmap.result.next_scan import Sites, write_planned, write_presses
 from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import ExplainRecord
+from palpmap.study.body import Body
 from palpmap.study.press_plan import program_plan_of
 from palpmap.study.study import load_study, write_study
 from palpmap.study.virtual_lab import default_study
@@ -110,6 +111,31 @@ def test_units_that_look_odd_are_asked_about_with_the_study_not_where_scans_are_
     assert palpmap("join", *words, "--out", tmp_path / "both.csv").exit_code == 0
     with pytest.raises(ValueError, match="units_checked"):
         read_scan(tmp_path / "both.csv")
+
+
+@pytest.mark.parametrize("shape", ["block", "from-contacts"])
+def test_a_joined_scan_has_the_study_of_the_first_one(study, shape, tmp_path):
+    first, known = tmp_path / "study.toml", load_study(study)
+    if shape == "from-contacts":
+        known = known.model_copy(
+            update={"body": Body(shape=shape, thickness_m=0.03, poisson_ratio=0.49)}  # pyright: ignore[reportCallIssue]
+        )
+    write_study(known, first)
+    scan = read_scan(study.parent / "scan.csv")
+    write_scan(scan.replace(force_n=1.01 * scan.force_n), tmp_path / "new.csv")
+    words = [study.parent / "scan.csv", tmp_path / "new.csv", "--pause", "60", "--study", first]
+    done = palpmap("join", *words, "--out", tmp_path / "both.csv")
+    assert done.exit_code == 0, done.output
+    joined, before = load_study(tmp_path / "both.toml"), load_study(first)
+    assert joined.scan == (tmp_path / "both.csv").resolve()
+    assert joined.body.file == (None if shape == "block" else joined.scan)
+    assert (joined.noise, joined.probe, joined.map) == (before.noise, before.probe, before.map)
+    for name in ("both.csv", "new.toml"):  # the study's file would be that of the scan
+        said = sentence_of(palpmap("join", *words, "--out", tmp_path / name))
+        assert name in said or "both.toml" in said
+    said = sentence_of(palpmap("join", *words, "--out", tmp_path / "both.parquet"))
+    assert "both.toml: is already there" in said
+    assert not (tmp_path / "both.parquet").exists()
 
 
 def test_presses_that_were_too_many_are_counted_aloud():

@@ -12,7 +12,7 @@ from identify.effects.units import length, seconds
 
 _STEP = 3.0  # between neighbouring drifts, in 1 / T^2: cosines of 0.93 and more
 _MOST = 0.25  # change of the frequency over the scan, as a share
-_SHAPES = 4000  # of the grid: a long scan is searched for smaller drifts alone
+_SHAPES = 4000  # of the grid: a long scan is searched for smaller drifts alone, one at least
 _AROUND = 0.15  # of a frequency: where its larger drifts are sought
 
 
@@ -91,15 +91,14 @@ class BreathingDrifting(Breathing):
         course = (frequency_hz, (sine_m, cosine_m), drift_hz_per_s, bend_hz_per_s2)
         return travel_m + self.moved(readings, *course)
 
-    def grid(self, readings: Readings, state: BodyState) -> list[Values]:
-        """Frequencies as of `Breathing`, each with drifts to either side."""
+    def shapes(self, readings: Readings) -> list[Values]:
+        """Return frequencies as of `Breathing`, each with drifts to either side."""
         frequency, free = free_frequencies(readings, self.tones)
         time = float(readings.elapsed_s[-1])
         step = _STEP / time**2
         first = frequency[frequency <= self.highest_hz]
-        most = min(
-            int(_SHAPES // max(2 * len(first), 1)), int(_MOST * self.highest_hz / time / step)
-        )
+        few = max(int(_SHAPES // max(2 * len(first), 1)), 1)
+        most = min(few, int(_MOST * self.highest_hz / time / step))
         drift = step * np.delete(np.arange(-most, most + 1), most)
         last = first[:, None] + drift * time
         tested = np.interp(np.maximum(first[:, None], last), frequency, free) > 0.5

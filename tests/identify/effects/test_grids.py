@@ -10,6 +10,7 @@ import pytest
 
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.state import BodyState
+from identify.catalogue import breathing, breathing_drifting
 from identify.catalogue.catalogue import CATALOGUE
 from identify.effects.conformance.worked_example import Inputs
 
@@ -35,6 +36,25 @@ def response():
     hard = np.exp(-((x - 0.04) ** 2 + (y - 0.058) ** 2 + (z - 0.034) ** 2) / (2 * 0.01**2))
     modulus = 6000.0 + 18000.0 * hard
     return model, modulus, model.evaluate(modulus)
+
+
+@pytest.mark.parametrize("hours", [0.5, 2.0])
+def test_a_long_scan_is_searched_for_a_rhythm_that_changes(hours):
+    start_s = 3600 * hours * np.sort(np.random.default_rng(1).uniform(size=60))
+    time_s = (start_s[:, None] + (0.0, 0.5)).ravel()
+    scan = Inputs({"press": tuple(np.repeat(np.arange(60), 2)), "time_s": tuple(time_s)}).readings()
+    effect = CATALOGUE["breathing_drifting"]
+    assert effect.untestable(scan) is None
+    drifts = {shape["drift_hz_per_s"] for shape in effect.grid(scan, STATE)}
+    assert min(drifts) < 0 < max(drifts)
+
+
+def test_a_rhythm_is_not_sought_where_every_frequency_keeps_step_with_the_presses(monkeypatch):
+    locked = np.linspace(0.05, 2.0, 9), np.zeros(9, bool)
+    for module in (breathing, breathing_drifting):
+        monkeypatch.setattr(module, "free_frequencies", lambda *_: locked)
+    for name in ("breathing", "breathing_drifting", "breathing_harmonics"):
+        assert "keep step" in CATALOGUE[name].untestable(EVEN), name
 
 
 def without(background, patterns):

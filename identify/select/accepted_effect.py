@@ -9,7 +9,7 @@ from identify.body.discretization_error import MODEL_ERROR
 from identify.effects.unknown_course import UNKNOWN
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.result import FitResult
-from identify.select.candidates import Candidate
+from identify.select.candidates import Candidate, gains
 from identify.select.settings import SELECTION, SelectionSettings
 
 
@@ -47,18 +47,21 @@ class AcceptedEffect:
         """The effect and all candidates that explain the scan as well, to within the margin.
 
         A candidate loses by its price alone only with a clearly higher chi-square, or a price that
-        no chance makes up for: fifteen terms of a surface follow many a course. A more general
+        no chance makes up for: fifteen terms of a surface follow many a course. One that gains more
+        than chance does not lose: the shape of a surface looked like a force bias. A more general
         effect, which contains this one, can always do nearly as well, and so can the course of an
         unknown cause: it is no equivalent. The accepted one may itself be behind the best, which
         leaves structure: both are then equivalents.
         """
         best = min(self.candidates, key=lambda c: (c.name != self.name, c.criterion))
         margin, close, dear = self.settings.margin, self.settings.close, self.settings.dear
+        chance = self.settings.sure / len(self.candidates)
         near = [
             c
             for c in self.candidates
             if c.criterion < best.criterion + margin
             or (c.chi2 < best.chi2 + close and c.criterion < best.criterion + dear)
+            or gains(best, c, chance)
         ]
         return tuple(
             c.name for c in near

@@ -99,7 +99,8 @@ def leaving_noise(
     near = [
         c
         for c in candidates
-        if c.criterion < first.criterion + settings.margin or _gains(first, c, settings)
+        if c.criterion < first.criterion + settings.margin
+        or (first.name in c.contains and gains(first, c, settings.sure))
     ]
     if len(near) == 1 or is_noise(first.fit):
         return candidates
@@ -109,12 +110,10 @@ def leaving_noise(
     return candidates
 
 
-def _gains(first: Candidate, other: Candidate, settings: SelectionSettings) -> bool:
-    """Ask for a candidate that contains the first one, and gains more than chance would."""
-    if first.name not in other.contains:
-        return False
-    more = len(other.fit.u) - len(first.fit.u)
-    return chdtrc(more, max(first.chi2 - other.chi2, 0.0)) < settings.sure
+def gains(first: Candidate, other: Candidate, chance: float) -> bool:
+    """Ask whether a dearer candidate is better than its further parameters make it by chance."""
+    gain = first.chi2 - other.chi2
+    return gain > 0 and chdtrc(len(other.fit.u) - len(first.fit.u), gain) < chance
 
 
 def refit_p_value(step: Step, candidate: Candidate) -> float:

@@ -275,6 +275,20 @@ def test_equal_chi_square_makes_an_equivalent_unless_the_price_decides(price, eq
     assert effect.decided == (not equal)
 
 
+@pytest.mark.parametrize(("gain", "equal"), [(45.0, True), (35.0, False)])
+def test_a_dearer_effect_that_gains_more_than_chance_is_an_equivalent(gain, equal):
+    """A raised rim was "explained" by a force bias, 45 worse than a surface of 14 further terms."""
+
+    def candidate(name: str, chi2: float, terms: int) -> Candidate:
+        fit: Any = SimpleNamespace(model=SimpleNamespace(effects=()), u=np.zeros(6 + terms))
+        return Candidate(name, chi2, chi2 + 7.5 * (6 + terms), fit)
+
+    best, other = candidate("force_bias", 1760.0, 1), candidate("uneven_surface", 1760.0 - gain, 15)
+    effect = AcceptedEffect("force_bias", (best, other))
+    assert ("uneven_surface" in effect.equivalents) == equal
+    assert effect.decided == (not equal)
+
+
 def test_an_accepted_effect_that_is_behind_the_best_stands_in_its_own_group():
     """It leaves noise where a simpler form is cheaper: neither is then decided."""
     fit: Any = SimpleNamespace(model=SimpleNamespace(effects=()))

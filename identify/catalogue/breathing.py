@@ -12,6 +12,7 @@ from identify.effects.readings import Readings
 from identify.effects.units import length, seconds
 
 _LOWEST_HZ, _HIGHEST_HZ = 0.05, 2.0
+_BLOCK = 128  # of frequencies
 _OVERSAMPLING = 4  # candidates within the resolution 1 / T of the scan
 _RESOLUTION = 1.5  # in 1 / T: no separation from a locked frequency so near
 _COHERENT = 0.3  # |mean| of the presses' phases: in step with a frequency
@@ -216,11 +217,21 @@ def free_frequencies(readings: Readings, tones: int) -> tuple[np.ndarray, np.nda
     low, high = band(readings)
     frequency = np.arange(low, high, 1 / (oversampling * time))
     start = readings.elapsed_s[readings.first]
-    turn = np.exp(2j * math.pi * frequency[:, None] * start[None, :])
     limit = max(_COHERENT, _CHANCE / math.sqrt(readings.presses))
     near = np.zeros(len(frequency), bool)
     for tone in range(1, tones + 1):
-        locked = np.abs((turn**tone).mean(axis=1)) >= limit
+        locked = _coherence(frequency, tone * start) >= limit
         reach = round(_RESOLUTION * oversampling / tone)
         near |= np.convolve(locked, np.ones(2 * reach + 1), mode="same") > 0
     return frequency, ~near
+
+
+def _coherence(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """Return how far a motion has one angle at some times, 0 to 1, for evenly spaced frequencies.
+
+    A frequency is the first one of its block and a step further: two tables in place of one.
+    """
+    step = frequency_hz[1] - frequency_hz[0] if len(frequency_hz) > 1 else 0.0
+    blocks = np.exp(2j * math.pi * frequency_hz[::_BLOCK, None] * time_s)
+    within = np.exp(2j * math.pi * step * np.arange(_BLOCK)[:, None] * time_s)
+    return np.abs(blocks @ within.T).ravel()[: len(frequency_hz)] / len(time_s)

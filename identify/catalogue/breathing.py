@@ -119,9 +119,9 @@ class Breathing(Advice, Effect):
         A motion that comes round with each press, or at a multiple of its rhythm, looks the same
         in all presses and imitates creep, bias and loops: no scan can tell it from them.
         """
-        return self.shapes(readings)
+        return self.rhythms(readings)
 
-    def shapes(self, readings: Readings) -> list[Values]:
+    def rhythms(self, readings: Readings) -> list[Values]:
         """Return the grid, which the state of the body does not move."""
         frequency, free = free_frequencies(readings, self.tones)
         free &= frequency <= self.highest_hz
@@ -156,7 +156,7 @@ class Breathing(Advice, Effect):
             return lacking
         if readings.presses < 8 or readings.elapsed_s[-1] < 4 / _HIGHEST_HZ:
             return "the scan is too short to separate a steady motion from the presses"
-        if not self.shapes(readings):
+        if not self.rhythms(readings):
             return "all its frequencies keep step with the presses"
         return None
 

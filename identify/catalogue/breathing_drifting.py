@@ -91,7 +91,7 @@ class BreathingDrifting(Breathing):
         course = (frequency_hz, (sine_m, cosine_m), drift_hz_per_s, bend_hz_per_s2)
         return travel_m + self.moved(readings, *course)
 
-    def shapes(self, readings: Readings) -> list[Values]:
+    def rhythms(self, readings: Readings) -> list[Values]:
         """Return frequencies as of `Breathing`, each with drifts to either side."""
         frequency, free = free_frequencies(readings, self.tones)
         time = float(readings.elapsed_s[-1])

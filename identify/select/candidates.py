@@ -111,7 +111,7 @@ def leaving_noise(
 
 
 def gains(first: Candidate, other: Candidate, chance: float) -> bool:
-    """Return True for a dearer candidate that gains more than its further parameters do by chance."""
+    """Return True if a dearer candidate gains more than its further parameters do by chance."""
     gain = first.chi2 - other.chi2
     return gain > 0 and chdtrc(len(other.fit.u) - len(first.fit.u), gain) < chance
 

@@ -211,7 +211,8 @@ def _next_presses(
     presses = presses_of(readings)
     few = np.linspace(0, len(presses) - 1, min(PLAN.most, len(presses))).round().astype(int)
     designs = designs_on_body(candidates[0][1], variations(presses.taken(few), timed, most_force_n))
-    return next_presses(candidates, designs, say, _settings(explained, group))
+    settings = _settings(explained, group)
+    return next_presses(candidates, designs, say, settings, alone=group.shown_by_presses)
 
 
 def _settings(explained: Explanation, group: AcceptedEffect) -> PlanSettings:

@@ -7,9 +7,10 @@ the second candidate have been refitted to present and planned readings together
     D = |P (r_A - r_B)|^2,   P projecting out candidate B's derivatives on both scans,
 
 in units of chi-square, less the part of the present scan. Beside a free map the unknowns are ln C
-of each planned press and the effects, with their covariance by the present scan. Of the two orders
-of a pair the smaller D counts. A refit follows the bent valley of the map's weight and depth, with
-a smaller residual than this straight step: D may be promised up to twice too large.
+of each planned press and the effects, with their covariance by the present scan. Laws of contact
+are told by the presses alone: C of a planned press is unknown then, whatever the map. Of the two
+orders of a pair the smaller D counts. A refit follows the bent valley of the map's weight and
+depth, with a smaller residual than this straight step: D may be promised up to twice too large.
 
 A design with a larger D than needed is reduced to the presses with the largest parts of
 |P (r_A - r_B)|^2, as few as still reach the aim (`PlanSettings.aim`).
@@ -20,7 +21,7 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from scipy.linalg import cholesky, lstsq, solve_triangular
+from scipy.linalg import block_diag, cholesky, lstsq, solve_triangular
 
 from identify.body.mechanics import BodyMechanics
 from identify.design.predicted_limits import planned
@@ -33,6 +34,8 @@ from identify.optimize.result import InadmissibleError
 from identify.residual.own_errors import Places, shared_places
 
 Pair = tuple[str, str]
+
+_UNKNOWN = 1.0  # standard deviation of ln C of a press that may be anything
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ def next_presses(
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,
     settings: PlanSettings = PLAN,
+    alone: bool = False,
 ) -> tuple[Proposal, ...]:
     """Rank planned scans: by the number of separated pairs, then by duration.
 
@@ -73,13 +77,14 @@ def next_presses(
     ----------
     candidates : effects by name with their joint fits to the present scan
     designs : planned scans
+    alone : the presses tell the candidates apart, each with a compliance of its own
     """
     found = []
     for design in designs:
         if progress:
             progress(f"planning a scan {design.change}")
         try:
-            found.append(_proposal(candidates, design, settings))
+            found.append(_proposal(candidates, design, settings, alone))
         except InadmissibleError:
             continue
     return tuple(sorted(found, key=_rank))
@@ -92,9 +97,12 @@ def _rank(proposal: Proposal) -> tuple[int, float]:
 
 
 def _proposal(
-    candidates: Sequence[tuple[str, FitResult]], design: Design, settings: PlanSettings
+    candidates: Sequence[tuple[str, FitResult]],
+    design: Design,
+    settings: PlanSettings,
+    alone: bool,
 ) -> Proposal:
-    planned_scan = _Planned(candidates, design)
+    planned_scan = _Planned(candidates, design, alone)
     worth = planned_scan.worth(np.arange(len(design.presses)))
     wanted = [pair for pair, d in worth.items() if d >= settings.aim]
     whole = _separation(design, worth, settings)
@@ -117,7 +125,7 @@ def _proposal(
         return whole
     fewer = replace(design, presses=design.presses.taken(np.sort(order[:many])))
     # Made on their own these presses come earlier and at other places in the order
-    again = _separation(fewer, _Planned(candidates, fewer).worth(np.arange(many)), settings)
+    again = _separation(fewer, _Planned(candidates, fewer, alone).worth(np.arange(many)), settings)
     return again if set(again.separated) >= set(wanted) else whole
 
 
@@ -157,7 +165,9 @@ class _Ordered:
 class _Planned:
     """Planned readings, predicted by every candidate after the present ones."""
 
-    def __init__(self, candidates: Sequence[tuple[str, FitResult]], design: Design) -> None:
+    def __init__(
+        self, candidates: Sequence[tuple[str, FitResult]], design: Design, alone: bool = False
+    ) -> None:
         fits = dict(candidates)
         views: dict[str, tuple[MeasurementModel, Linearised]] = {}
         like: BodyMechanics | None = None
@@ -169,14 +179,20 @@ class _Planned:
         for truth, name in permutations(fits, 2):
             fit, (model, there) = fits[name], views[name]
             apart = views[truth][1].predicted_m - there.predicted_m
-            if fit.field is None:
+            if fit.field is None and not alone:
                 known = _known_of_map(fit, fits[truth])
                 derivatives = there.jacobian
             else:
-                known = _known_of_free_map(fit, design.presses, there)
+                of_map = len(fit.model.space.free)  # none of a free map
+                known = (
+                    _known_of_presses(fit, len(design.presses), of_map)
+                    if alone
+                    else _known_of_free_map(fit, design.presses, there)
+                )
                 by_press = np.zeros((len(self.press), len(design.presses)))
                 by_press[np.arange(len(self.press)), self.press] = model.by_log_compliance(there)
-                derivatives = np.hstack([there.whitened(by_press, self.press), there.jacobian])
+                own = there.whitened(by_press, self.press)
+                derivatives = np.hstack([own, there.jacobian[:, of_map:]])
             white = there.whitened(apart, self.press)
             self.ordered.append(_Ordered((truth, name), *known, derivatives, white))
 
@@ -226,6 +242,17 @@ def _known_of_free_map(
     own = np.where(shared.any(axis=1), 0.0, error**2)
     each = np.arange(len(own))
     covariance[each, each] += own + 1e-9 * covariance[each, each]
+    return _rows(covariance)
+
+
+def _known_of_presses(fit: FitResult, presses: int, of_map: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same where each planned press has a compliance that nothing tells beforehand."""
+    effects = fit.covariance_scaled[of_map:, of_map:]
+    return _rows(block_diag(_UNKNOWN**2 * np.eye(presses), effects))
+
+
+def _rows(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return whitened rows that say as much of some unknowns, about zero."""
     root = cholesky(covariance, lower=True)
     return solve_triangular(root, np.eye(len(root)), lower=True), np.zeros(len(root))
 

@@ -18,6 +18,7 @@ from identify.design.scan_variants import (
     readings_of,
     variations,
 )
+from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map_fit import FreeMapFit
 from identify.fit.result import FitResult
@@ -143,6 +144,36 @@ def test_places_that_were_pressed_tell_more_than_another_body_of_the_prior(candi
         apart = at.whitened(there.predicted_m - at.predicted_m, model.readings.press)
         fitted = at.jacobian @ np.linalg.lstsq(at.jacobian, apart, rcond=None)[0]
         assert known > 1.2 * np.sum((apart - fitted) ** 2)
+
+
+@pytest.mark.parametrize("name", ["same", "two_forces"])
+def test_presses_alone_are_promised_what_their_own_fits_bring(candidates, designs, present, name):
+    """Laws of contact are told by presses with a compliance of their own: no map ties these."""
+    order = "contact_offset", "touch_threshold"
+    beside_map, alone = (
+        _Planned(candidates, designs[name], alone=a).worth_in_order(np.arange(25))[order]
+        for a in (False, True)
+    )
+    further = designs[name].presses
+    both = zip(vars(present).values(), vars(further).values(), strict=True)
+    now, then = (misfits(p) for p in (present, Presses(*map(np.concatenate, both))))
+    gained = (then[1] - then[0]) - (now[1] - now[0])
+    assert 0.6 < gained / alone < 1.3
+    assert name == "same" or beside_map > 1.5 * gained
+
+
+def misfits(presses: Presses) -> list[float]:
+    """Chi-square of the presses under each candidate, each with a compliance of its own."""
+    model = pressed(presses)
+    assert model.unit_compliance is not None
+    alone = FreeCompliance(
+        model.readings, model.displacement_m, NOISE, model.mechanics.contacts, NU,
+        model.unit_compliance, model.mechanics.state(),
+    )  # fmt: skip
+    return [
+        alone.fit([alone.begun(CATALOGUE[name], values)]).misfit
+        for name, values in CANDIDATES.items()
+    ]
 
 
 @pytest.mark.slow

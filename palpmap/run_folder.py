@@ -279,8 +279,10 @@ def how_made(folder: Path) -> dict[str, str]:
         how[f"{number}. palpmap {run.command}"] = (
             f"{run.started}{seed}{'; ' + settings if settings else ''}"
         )
-        for name, digest in run.inputs.items():
-            how[Path(name).name] = f"SHA-256 {digest}"
+        names = [Path(path).name for path in run.inputs]
+        for path, digest in run.inputs.items():
+            name = Path(path).name  # of two runs' files the folders tell which is which
+            how[name if names.count(name) == 1 else path] = f"SHA-256 {digest}"
     if runs:
         how["Versions"] = ", ".join(f"{k} {v}" for k, v in runs[-1].versions.items())
     return how

@@ -3,7 +3,8 @@
 Both maps are sampled over the box that the bodies share. The standard error of ln E is that of the
 posterior of a free map, or follows from the covariance of the parameters; where a fit leaves more
 than its noise, it grows by the root of chi-square per degree of freedom. The largest difference is
-judged as the largest of as many independent ones as the fits have unknowns.
+judged as the largest of as many independent ones as the fits have unknowns, of a free map the
+effective number of them.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
+from identify.fit.free_map.field import LEVEL as FIELD_MEAN
 from identify.fit.result import FitResult
 from identify.map import FreeMap, Grid
 
@@ -108,7 +110,7 @@ def run_difference(
         grid,
         np.log(moduli[1] / moduli[0]),
         np.sqrt(np.maximum(variance, 1e-12)),
-        max(one.unknowns, other.unknowns),
+        max(_told(one), _told(other)),
         _changes(one, other),
     )
 
@@ -128,13 +130,21 @@ def log_modulus_sd(fit: FitResult, points_m: np.ndarray) -> np.ndarray:
     return sd * np.sqrt(max(fit.chi2_per_dof, 1.0))
 
 
+def _told(fit: FitResult) -> int:
+    """Return the number of the fit's unknowns, at least one; a free map's stand in its field."""
+    field = 0 if fit.field is None else round(fit.field.effective)
+    return max(fit.unknowns + field, 1)
+
+
 def _changes(one: FitResult, other: FitResult) -> tuple[ParameterChange, ...]:
     names = dict.fromkeys([*one.parameters, *other.parameters])
     found = []
     for name in names:
         pair = [fit.parameters.get(name) for fit in (one, other)]
         a, b = pair
-        if (a is None or b is None) and (name in one.map.names or name in other.map.names):
+        if (a is None or b is None) and (
+            name == FIELD_MEAN or name in (*one.map.names, *other.map.names)
+        ):
             continue  # maps of different kinds are compared place by place
         error = None
         if a is not None and b is not None:

@@ -28,14 +28,25 @@ def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Tabl
         f"they trust noise and contact law, which leave {fit.chi2_per_dof:.2g} times the misfit of "
         "noise: believe no spot that the presses' own stiffness does not show",
     )  # fmt: skip
-    wide = () if not any(spot.wide for spot in field.spots) else (
-        "open",
-        "no ball that was tried is as wide: the scan tells where such a spot lies from above, not "
-        "how deep, how large or how hard; fit inclusions, or press with a second tip",
-    )  # fmt: skip
     readings = fit.model.readings
     rim = _rim(field.spots, readings.point_m[readings.first], readings.scales.across, origin_m)
-    return (*regions, spots, _sight_table(field, scan, (odds, wide, rim)))
+    return (
+        *regions,
+        spots,
+        _sight_table(field, scan, (odds, _open(field.spots, scan.probe_radius_m), rim)),
+    )
+
+
+def _open(spots: Sequence[Spot], radius_m: np.ndarray) -> tuple[str, ...]:
+    """Return the row of the spots that may be wider than any ball, if there are any."""
+    if not any(spot.wide for spot in spots):
+        return ()
+    return (
+        "open",
+        "no ball that was tried is as wide: the scan tells where such a spot lies from above, not "
+        "how deep, how large or how hard; fit inclusions"
+        + (", or press with a second tip" if np.ptp(radius_m) == 0 else ""),
+    )
 
 
 def _rim(

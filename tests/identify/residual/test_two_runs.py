@@ -1,12 +1,14 @@
 """Two fits of one body: maps that agree within their errors, and one that was changed."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from identify.fit import Estimate
-from identify.map import GaussianMap, Inclusion
+from identify.map import FreeMap, GaussianMap, Grid, Inclusion
 from identify.residual import run_difference
 from identify.residual.two_runs import log_modulus_sd
 from tests.identify.residual.test_prediction import SIZE_M, TRUTH, fitted, fitted_model, scan_of
@@ -54,6 +56,25 @@ def test_an_effect_of_one_run_alone_and_another_value_are_named(fits):
     assert names == ["force_bias.bias_n"]
     (alone,) = run_difference(one, fits[1], BOX, BOX).changed
     assert (alone.one, alone.other, alone.standard_errors) == (0.01, None, None)
+
+
+def test_a_free_map_differs_neither_from_itself_nor_by_what_one_of_many_places_is_off(fits):
+    grid = Grid.over(BOX, 0.01)
+    level = np.full(len(grid.points_m), np.log(8e3))
+    off = level.copy()
+    off[np.argmin(np.linalg.norm(grid.points_m - BOX.mean(axis=0), axis=1))] += 3.0 * 0.1
+    one, other = (free_fit(fits[0], FreeMap(grid, field)) for field in (level, off))
+    assert run_difference(one, one, BOX, BOX).p_value > 0.9
+    found = run_difference(one, other, BOX, BOX)
+    assert found.independent == 34
+    assert not found.maps_differ  # by two of its errors
+    assert run_difference(one, fits[1], BOX, BOX).changes == ()  # no names in common
+
+
+def free_fit(of, found: FreeMap):
+    field: Any = SimpleNamespace(log_sd=np.full(len(found.log_pa), 0.1), effective=34.2)
+    mean = {"mean_pa": Estimate(8e3, 100.0, "Pa", 7.8e3, 8.2e3, free=True)}
+    return replace(of, map=found, field=field, covariance_names=(), estimates=mean, chi2_per_dof=1)
 
 
 def test_bodies_in_different_frames_are_refused(fits):

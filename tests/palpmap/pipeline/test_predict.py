@@ -90,15 +90,18 @@ def test_a_folder_without_a_fit_is_refused(tmp_path):
 
 
 def test_two_runs_are_compared_with_a_report(tmp_path):
+    again = shutil.copytree(RUN, tmp_path / "again")
     done = CliRunner().invoke(
-        app, ["compare", str(RUN), str(RUN), "--out", str(tmp_path / "run"), "--json"]
+        app, ["compare", str(RUN), str(again), "--out", str(tmp_path / "run"), "--json"]
     )
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
     assert (record["maps_differ"], record["ratio"]) == (False, 1.0)
     assert set(schemas()["difference"]["required"]) <= set(record)
     assert "is smaller than its error, 0.0 of it" in record["statement"]
-    assert "The maps agree" in (tmp_path / "run" / "report.html").read_text()
+    report = (tmp_path / "run" / "report.html").read_text()
+    assert "The maps agree" in report
+    assert all(str(source / "fit.json") in report for source in (RUN, again))
 
 
 def test_nothing_to_compare_is_said_with_all_that_can_be_compared(tmp_path):

@@ -13,7 +13,7 @@ from identify.fit import Spot
 from identify.map import GaussianMap, Inclusion, parameter_space
 from palpmap.report.draw import console
 from palpmap.report.limits_console import limits_screen
-from palpmap.result.field_tables import _rim, _spot_table
+from palpmap.result.field_tables import _open, _rim, _spot_table
 from palpmap.result.records import LimitRecord, LimitsRecord, ParameterRecord
 from palpmap.result.tables import Table, number, parameter_table
 
@@ -47,6 +47,9 @@ def test_a_wide_spot_has_its_depth_size_and_contrast_open():
     assert [row[3].text for row in cells] == ["over 30", "open"]
     assert cells[0][4].text == "open"
     assert cells[0][0].tone != "good"
+    wide, radii = [Spot(*ball, 0.03, 0.036, wide=True)], np.array([0.003, 0.003, 0.006])
+    assert "or press with a second tip" in _open(wide, radii[:2])[1]
+    assert "second tip" not in _open(wide, radii)[1]  # which the scan has
 
 
 def test_no_spot_is_shown_as_sure_beside_a_residual_that_is_not_noise():

@@ -48,18 +48,11 @@ def fit_map(
             scan, body.coarse, noise=experiment.noise, fine_model=body.fine, start=first, free=free,
             straight=False, optimizer=optimizer, callback=callback, settings=settings,
         )  # fmt: skip
-    known = {**guess.initial, **guess.fixed}
-    start = free = None
     if guess.inclusions == "auto":
         start = _best_number(experiment, settings)
-    elif known:
-        names = GaussianMap.from_values(np.ones(1 + 5 * guess.inclusions)).names
-        values = dict.fromkeys(names, np.nan)
-        if set(known) != set(names):  # open values start at the end of a quick fit
-            quick = _quick_fit(experiment, guess.inclusions, settings).map
-            values = dict(zip(names, quick.values, strict=True))
-        start = GaussianMap.from_values(np.array(list((values | known).values())))
-        free = [name for name in names if name not in guess.fixed]
+        free = [name for name in start.names if name not in guess.fixed]
+    else:
+        start, free = _known_start(experiment, guess.inclusions, settings)
     return fit_scan(
         scan, body.coarse, inclusions=0 if guess.inclusions == "auto" else guess.inclusions,
         noise=experiment.noise, search_model=body.search if start is None else None,
@@ -68,11 +61,39 @@ def fit_map(
     )  # fmt: skip
 
 
-def _quick_fit(experiment: PlacedExperiment, inclusions: int, settings: FitSettings) -> FitResult:
+def _known_start(
+    experiment: PlacedExperiment, inclusions: int, settings: FitSettings
+) -> tuple[GaussianMap | None, list[str] | None]:
+    """Return a map with the values that the study states and its free names; None if it has none.
+
+    Open values start at the end of a quick fit.
+    """
+    guess = experiment.map
+    names = GaussianMap.from_values(np.ones(1 + 5 * inclusions)).names
+    stated = {**guess.initial, **guess.fixed}
+    known = {name: value for name, value in stated.items() if name in names}
+    if not known:
+        return None, None
+    values = dict.fromkeys(names, np.nan)
+    if set(known) != set(names):
+        quick = _quick_fit(experiment, inclusions, settings).map
+        values = dict(zip(names, quick.values, strict=True))
+    start = GaussianMap.from_values(np.array(list((values | known).values())))
+    return start, [name for name in names if name not in guess.fixed]
+
+
+def _quick_fit(
+    experiment: PlacedExperiment,
+    inclusions: int,
+    settings: FitSettings,
+    start: GaussianMap | None = None,
+    free: list[str] | None = None,
+) -> FitResult:
     body = experiment.body
     return fit_scan(
         experiment.scan, body.coarse, inclusions=inclusions, noise=experiment.noise,
-        search_model=body.search, settings=settings,
+        search_model=body.search if start is None else None, start=start, free=free,
+        settings=settings,
     )  # fmt: skip
 
 
@@ -82,7 +103,9 @@ def _best_number(experiment: PlacedExperiment, settings: FitSettings) -> Gaussia
     best, least = None, np.inf
     bearable = (different_presses(used) - 1) // 5  # as many unknowns as presses
     for inclusions in range(min(settings.most_inclusions, bearable) + 1):
-        fit = _quick_fit(experiment, inclusions, settings)
+        fit = _quick_fit(
+            experiment, inclusions, settings, *_known_start(experiment, inclusions, settings)
+        )
         criterion = fit.chi2 + len(fit.covariance_names) * np.log(len(used))
         if best is not None and criterion > least:
             break

@@ -140,7 +140,7 @@ class Map(Table):
         of_others = ("inclusions", "initial", "fixed") if free else field
         for key in of_others:
             if key in self.model_fields_set and getattr(self, key) not in ({}, None):
-                says = "which has no inclusions" if free else 'not "free"'
+                says = "which takes no inclusions' values" if free else 'not "free"'
                 raise ValueError(f"no key '{key}', as kind is \"{self.kind}\", {says}; remove one")
         return self
 

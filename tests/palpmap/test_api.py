@@ -47,6 +47,16 @@ def test_every_public_name_is_there_and_documented():
         _ = pm.fitt  # pyright: ignore[reportAttributeAccessIssue]
 
 
+@pytest.mark.parametrize("tip", ["flat", "sphere"])
+def test_a_fixed_value_is_held_where_the_number_of_inclusions_is_found(tmp_path, tip):
+    (tmp_path / "scan.csv").write_bytes(TWELVE.with_name("scan.csv").read_bytes())
+    text = TWELVE.read_text().replace('"flat"', f'"{tip}"').split("[map]")[0]
+    study = tmp_path / "study.toml"
+    study.write_text(text + '[map]\ninclusions = "auto"\n[map.fixed]\nbackground_pa = 4900')
+    background = pm.fit(pm.read_study(study)).parameters["background_pa"]
+    assert (background.value, background.free) == (4900.0, False)
+
+
 def test_a_map_whose_values_are_all_fixed_is_fitted_and_explained(tmp_path):
     free = "[map.initial]\nbackground_pa = 5200.0\n\n[map.fixed]"
     text = TWELVE.read_text()

@@ -41,6 +41,7 @@ from palpmap.selection_results import Diagnosis, Explanation, Limits
 from palpmap.sides import with_sides
 from palpmap.study import virtual_lab
 from palpmap.study.body import Body
+from palpmap.study.faults import naming_study
 from palpmap.study.open_study import catalogue_with
 from palpmap.study.other_scan import placed_on_body_of
 from palpmap.study.press_plan import plan_presses, reachable
@@ -88,18 +89,19 @@ def fit(
     for effect, initial in opened.effects:
         refuse_effect(effect, Readings.of(opened.scan), initial)
     kind = None
-    if opened.map.either:
-        alone = experiment.of_kind("inclusions")
-        others = alone.opened(progress, thin=False)
-        kind = kind_of_map(opened, others, on_iteration)
-        if not kind.free:
-            experiment, opened = alone, others
-    if kind is not None and kind.free:
-        found = kind.fit
-    elif opened.effects and opened.map.field is None:
-        found = with_effects(opened, on_iteration)
-    else:
-        found = fit_map(opened, optimizer, on_iteration)
+    with naming_study(experiment.source):
+        if opened.map.either:
+            alone = experiment.of_kind("inclusions")
+            others = alone.opened(progress, thin=False)
+            kind = kind_of_map(opened, others, on_iteration)
+            if not kind.free:
+                experiment, opened = alone, others
+        if kind is not None and kind.free:
+            found = kind.fit
+        elif opened.effects and opened.map.field is None:
+            found = with_effects(opened, on_iteration)
+        else:
+            found = fit_map(opened, optimizer, on_iteration)
     if kind is not None:
         progress(kind.says)
         found = replace(found, message=f"{found.message}; {kind.says}")

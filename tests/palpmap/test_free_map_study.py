@@ -47,7 +47,7 @@ def test_wrong_keys_are_one_sentence(tmp_path, table, said):
 
 
 def test_a_length_below_the_mesh_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"map.length_m: found 0.001 m, expected 0.00"):
+    with pytest.raises(InputError, match=r"study.toml, key map.length_m: found 0.001 m, expected"):
         pm.fit(pm.read_study(study(tmp_path, 'kind = "free"\nlength_m = 0.001')))
 
 

@@ -29,7 +29,9 @@ class PredictedPressRecord(Record):
     press: int
     error_m: float = Field(description="measured less predicted travel, m")
     sd_m: float = Field(description="standard deviation of the band, m")
-    force_error_share: float = Field(description="error of the force over the largest force")
+    force_error_share: float = Field(
+        description="error of the travel as a force, over the largest; positive of a softer body"
+    )
 
 
 class PredictionRecord(FileRecord):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from identify.effects import digits
 from identify.residual import Prediction, length
 from palpmap import units
 from palpmap.report.draw import console, write_page
@@ -31,7 +32,7 @@ def statement_of(p: Prediction) -> str:
     )
     within = (
         f"{round(p.within95 * p.presses)} of {p.presses} presses lie in their 95 % bands, and "
-        f"chi-square per press is {p.chi2 / p.presses:.2g}"
+        f"chi-square per press is {digits(p.chi2 / p.presses)}"
     )
     return f"{size}. {within}: {_VERDICTS[p.verdict]}."
 
@@ -69,8 +70,8 @@ def worst_table(p: Prediction, origin_m: np.ndarray) -> Table:
         )
         for j in np.argsort(-np.abs(z))[:8]
     )
-    head = ("Press", *map(number, ("x, y, z in mm", "Error of the travel", "Error of the force",
-            "Over the band's sd")))  # fmt: skip
+    head = ("Press", *map(number, ("x, y, z in mm", "Measured less predicted travel",
+            "The same as a force", "Over the band's sd")))  # fmt: skip
     return Table.of(head, rows)
 
 

@@ -12,6 +12,7 @@ import palpmap as pm
 from models import InputError
 from palpmap.__main__ import app
 from palpmap.prediction_results import PredictionRecord
+from palpmap.report.prediction_report import worst_table
 from palpmap.schemas import schemas
 from tests.paths import TESTS
 
@@ -62,6 +63,8 @@ def test_the_same_body_holds_from_python_and_shows_itself(tmp_path):
     assert found.holds
     assert found.to_dict()["verdict"] in ("calibrated", "too wide")
     assert "6 of 6 presses lie in their 95 % bands" in found.summary()
+    heads = [column.heading for column in worst_table(found, np.zeros(3)).columns]
+    assert "Measured less predicted travel" in heads  # and not the error of a force
     folder = found.write(tmp_path / "run")
     assert {"report.html", "prediction.json", "run.json"} <= {p.name for p in folder.iterdir()}
 

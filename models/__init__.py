@@ -15,7 +15,7 @@ from models.press_program import (
 from models.replaced import replaced
 from models.scan import Scan
 from models.scan_columns import PHASES, nearest
-from models.scan_file import read_scan, write_scan
+from models.scan_file import check_scan, read_scan, write_scan
 from models.scan_join import join_scans, stack_scans
 from models.scan_quality import Doubt, scan_findings, touching, without_outliers
 from models.thin import MOST_OF_FREE_MAP, MOST_PRESSES, thinned, well_spread
@@ -34,6 +34,7 @@ __all__ = [
     "LabelVolume",
     "PressProgram",
     "Scan",
+    "check_scan",
     "early_rest",
     "grid_program",
     "join_scans",

@@ -128,12 +128,19 @@ def _scan_from_columns(columns: dict[str, np.ndarray]) -> Scan:
     )
 
 
-def _table_from_scan(scan: Scan) -> pa.Table:
-    columns: dict = {
-        "press": scan.press,
-        "time_s": pa.array(scan.time_s, mask=np.isnan(scan.time_s)),
-        "phase": scan.phase.tolist(),
-    }
+def check_scan(scan: Scan, name: str) -> None:
+    """Check a Scan that was made of arrays as one that is read from a file, but for its units.
+
+    Raises
+    ------
+    InputError
+        Naming the scan (`name`), row, column, what was found, what is expected and what to do.
+    """
+    check_columns(_columns_of(scan), Where(name), units_checked=True)
+
+
+def _columns_of(scan: Scan) -> dict[str, np.ndarray]:
+    columns = {"press": scan.press, "time_s": scan.time_s, "phase": scan.phase}
     columns |= dict(zip(POINT, scan.point_m.T, strict=True))
     columns |= dict(zip(DIRECTION, scan.direction.T, strict=True))
     columns |= {name: getattr(scan, name) for name in ("force_n", "displacement_m")}
@@ -143,8 +150,14 @@ def _table_from_scan(scan: Scan) -> pa.Table:
     if scan.tip_pose is not None:
         columns |= dict(zip(TIP_POSE, scan.tip_pose.T, strict=True))
     if scan.outcome is not None:
-        columns[OUTCOME] = scan.outcome.tolist()
-    return pa.table(columns)
+        columns[OUTCOME] = scan.outcome
+    return columns
+
+
+def _table_from_scan(scan: Scan) -> pa.Table:
+    columns: dict = dict(_columns_of(scan))
+    columns["time_s"] = pa.array(scan.time_s, mask=np.isnan(scan.time_s))
+    return pa.table({n: v.tolist() if n in TEXT else v for n, v in columns.items()})
 
 
 def _write_csv(table: pa.Table, path: Path) -> None:

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
         FitResult,
         Limits,
         MapChange,
-        Noise,
         Prediction,
         Run,
         compare,
@@ -55,7 +54,7 @@ if TYPE_CHECKING:
         read_run,
         scan,
     )
-    from palpmap.experiment import Block, Experiment, FlatTip, Sphere, read_study
+    from palpmap.experiment import Block, Experiment, FlatTip, Noise, Sphere, read_study
     from palpmap.export.mujoco import load_mujoco
     from palpmap.importing.importing import Imported, import_recording
     from palpmap.robot import Presses, Robot, assert_force_kept, assert_path_clear
@@ -76,10 +75,10 @@ _HOMES = {
     "models.scan_join": ("join_scans",),
     "palpmap.api": (
         "Comparison", "Diagnosis", "Explanation", "FitResult", "Limits", "MapChange",
-        "Noise", "Prediction", "Run", "compare", "compare_runs", "diagnose", "explain", "fit",
+        "Prediction", "Run", "compare", "compare_runs", "diagnose", "explain", "fit",
         "limits", "predict", "read_run", "scan",
     ),
-    "palpmap.experiment": ("Block", "Experiment", "FlatTip", "Sphere", "read_study"),
+    "palpmap.experiment": ("Block", "Experiment", "FlatTip", "Noise", "Sphere", "read_study"),
     "palpmap.export.mujoco": ("load_mujoco",),
     "palpmap.importing.importing": ("Imported", "import_recording"),
     "palpmap.robot": ("Presses", "Robot", "assert_force_kept", "assert_path_clear"),

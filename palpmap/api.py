@@ -45,7 +45,6 @@ from palpmap.study.faults import naming_study
 from palpmap.study.open_study import catalogue_with
 from palpmap.study.other_scan import placed_on_body_of
 from palpmap.study.press_plan import plan_presses, reachable
-from palpmap.study.study import Noise
 from palpmap.study.truth_file import Truth
 
 if TYPE_CHECKING:
@@ -300,7 +299,6 @@ __all__ = [
     "FitResult",
     "Limits",
     "MapChange",
-    "Noise",
     "Prediction",
     "Run",
     "compare",

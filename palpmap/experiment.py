@@ -14,11 +14,12 @@ from pydantic import ValidationError
 from identify import PlacedExperiment, Progress, silent
 from identify.effects import Effect
 from identify.measurement import Noise as ScanNoise
-from models import InputError, Scan, read_scan
+from models import InputError, Scan, check_scan, read_scan
+from palpmap.study import study as study_file
 from palpmap.study.body import Body
-from palpmap.study.faults import expected_by, naming_study
+from palpmap.study.faults import expected_by, naming_study, shortened
 from palpmap.study.open_study import catalogue_with, most_presses, open_study, own_effects
-from palpmap.study.study import About, Map, Noise, Probe, Study, Uncertainty, load_study
+from palpmap.study.study import About, Map, Probe, Study, Uncertainty, load_study
 
 Support = Literal["base-bonded", "base-sliding", "base-elastic"]
 _NOWHERE = Path("(in memory)") / "scan.csv"
@@ -68,11 +69,14 @@ class Experiment:
         body: Body,
         tip: Probe,
         *,
-        noise: Noise | None = None,
+        noise: study_file.Noise | None = None,
         name: str = "experiment",
     ) -> None:
         about = About(name=name, scan=_NOWHERE)  # pyright: ignore[reportCallIssue]
-        study = Study(study=about, body=body, probe=tip, noise=noise or Noise())
+        study = _checked(
+            Study, study=about, body=body, probe=tip, noise=noise or study_file.Noise()
+        )
+        check_scan(scan, "scan")
         self._hold(scan, study, None)
 
     def _hold(self, scan: Scan, study: Study, source: Path | None) -> None:
@@ -244,6 +248,35 @@ def Sphere(radius_m: float, *, most_force_n: float | None = None) -> Probe:
     return _checked(Probe, tip="sphere", radius_m=radius_m, most_force_n=most_force_n)
 
 
+def Noise(
+    displacement_m: float | None = None,
+    force_n: float | None = None,
+    touch_m: float | None = None,
+    lag_s: float | None = None,
+) -> study_file.Noise:
+    """Return the noise of a scan, one standard deviation each; None is estimated from the scan.
+
+    Parameters
+    ----------
+    displacement_m, force_n : of each reading, m and N
+    touch_m, lag_s : of errors that the readings of a press, or all of them, share: the depth of
+        first touch, and the lag between force and displacement; None is no such error
+
+    Examples
+    --------
+    >>> import palpmap as pm
+    >>> pm.Noise(displacement_m=2e-5).force_n is None
+    True
+    """
+    return _checked(
+        study_file.Noise,
+        displacement_m=displacement_m,
+        force_n=force_n,
+        touch_m=touch_m,
+        lag_s=lag_s,
+    )
+
+
 def _checked(kind, /, **values):
     """Make a record; an impossible value becomes one sentence."""
     try:
@@ -251,6 +284,8 @@ def _checked(kind, /, **values):
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         key = ".".join(map(str, fault["loc"])) or kind.__name__
+        asked = fault.get("ctx", {}).get("class_name")  # an object, where a file has a table
+        expected = f"a {asked}" if asked else expected_by(fault)
         raise InputError(
-            f"{key}: found {fault['input']!r}, expected {expected_by(fault)}"
+            f"{key}: found {shortened(fault['input'])}, expected {expected}"
         ) from error

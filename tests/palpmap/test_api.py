@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -185,12 +186,30 @@ def test_a_scripted_scan_becomes_an_experiment():
     assert found.value == pytest.approx(8000.0, rel=0.02)
 
 
+TIP, BODY = pm.FlatTip(0.004), pm.Block((0.06, 0.06, 0.03), poisson_ratio=0.45)
+WRONG: Any = TIP
+
+
+def of_arrays(**values) -> pm.Experiment:
+    """Return the twelve presses with one value of a column in all rows."""
+    scan = pm.read_scan(TWELVE.with_name("scan.csv"))
+    columns: dict[str, Any] = {
+        k: np.broadcast_to(v, scan.columns[k].shape) for k, v in values.items()
+    }
+    return pm.Experiment(replace(scan, **columns), BODY, TIP)
+
+
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
         (lambda: pm.FlatTip(-1.0), "radius_m: found -1.0, expected"),
         (lambda: pm.Block((0.1, 0.1), poisson_ratio=0.4), "size_m"),
         (lambda: pm.Block((0.1, 0.1, 0.1), poisson_ratio=0.6), "poisson_ratio: found 0.6"),
+        (lambda: pm.Noise(displacement_m=-1.0), "displacement_m: found -1.0, expected"),
+        (lambda: of_arrays(force_n=np.nan), "scan, row 1, column force_n: found nan"),
+        (lambda: of_arrays(direction=(0, 0, -2)), "column nx, ny, nz: found a length of 2"),
+        (lambda: of_arrays(phase="approach"), "press 0 has 0 samples with phase load"),
+        (lambda: pm.Experiment(of_arrays().scan, WRONG, TIP), "body: found Probe("),
         (lambda: pm.read_study("nowhere.toml"), "nowhere.toml: no such file"),
         (lambda: pm.read_run(ROOT / "docs"), "found no fit.json"),
     ],

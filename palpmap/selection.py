@@ -12,7 +12,7 @@ from identify.effects import Effect
 from identify.fit import FitIteration
 from identify.select import Step, kind_of_map, start_fit, step_of
 from identify.select import explain as explain_scan
-from models import Catalogue
+from models import Catalogue, InputError
 from palpmap.experiment import Experiment
 from palpmap.selection_results import Diagnosis, Explanation, Limits
 from palpmap.sides import with_sides
@@ -31,6 +31,12 @@ def start(
     ----------
     effects : candidates, beside the study's own
     """
+    for effect in effects:
+        if not isinstance(effect, Effect):
+            raise InputError(
+                f"effects: found {effect!r}, expected effects: CATALOGUE['force_drift'], or "
+                "MyEffect() of one of your own"
+            )
     opened = experiment.opened(progress)
     if opened.map.either:
         inclusions = experiment.of_kind("inclusions")

@@ -35,17 +35,33 @@ def load_effect(path: str | os.PathLike[str]) -> Effect:
     path = Path(path)
     _parsed(path)
     module = _executed(path)
-    own = [
-        kind
-        for kind in vars(module).values()
-        if inspect.isclass(kind) and issubclass(kind, Effect) and kind.__module__ == module.__name__
-    ]
+    own = _defined_in(module)
     if not own:
         raise InputError(f"{path}: {_NO_EFFECT}")
     if len(own) > 1:
         names = ", ".join(kind.__name__ for kind in own)
         raise InputError(f"{path}: defines {len(own)} effects ({names}), expected one a file")
     return _instance(own[0], path)
+
+
+def file_of(effect: Effect) -> Path | None:
+    """Return the file that `load_effect` makes an imported effect from, None where there is none.
+
+    A class of the running program has none: to load it would run the program once more.
+    """
+    module = sys.modules.get(type(effect).__module__)
+    file = getattr(module, "__file__", None)
+    if module is None or file is None or module.__name__ == "__main__":
+        return None
+    return Path(file).resolve() if _defined_in(module) == [type(effect)] else None
+
+
+def _defined_in(module: ModuleType) -> list[type[Effect]]:
+    return [
+        kind
+        for kind in vars(module).values()
+        if inspect.isclass(kind) and issubclass(kind, Effect) and kind.__module__ == module.__name__
+    ]
 
 
 def refuse_effect_file(path: Path) -> None:

@@ -5,11 +5,13 @@ An added effect makes the next version, which names the effect with the values t
 """
 
 import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from identify.catalogue import CATALOGUE, file_of
 from identify.effects import UNKNOWN
 from identify.fit import FitResult
 from models import InputError
@@ -28,24 +30,32 @@ def version_of(
 
     Parameters
     ----------
-    files : of the user's own effects, by name; where they stand now, whatever the study's folder
+    files : of the user's own effects, by name; where they stand now, whatever the study's folder.
+        One that stands in no file cannot be named: a warning says so
     """
     kept = {entry.name: entry.file for entry in study.effects}
     origin_m = np.array(study.body.origin_m)
     known = {**kept, **{name: file.resolve() for name, file in (files or {}).items()}}
-    entries = tuple(
-        Effect(
-            name=part.effect.name,
-            file=known.get(part.effect.name),
-            initial={
-                name: float(value) + frame_shift_m(f"{part.effect.name}.{name}", origin_m)
-                for name, value in fit.at.values[part.effect.name].items()
-            },
-        )
-        for part in fit.model.effects
-        if part.effect.family != UNKNOWN
-    )
-    changed = study.model_copy(update={"effects": entries})
+    entries = []
+    for part in fit.model.effects:
+        effect = part.effect
+        if effect.family == UNKNOWN:
+            continue
+        own = effect not in CATALOGUE
+        file = known.get(effect.name) or (file_of(effect) if own else None)
+        if own and file is None:
+            warnings.warn(
+                f"{path} does not name the effect '{effect.name}': its class stands in no Python "
+                "file of its own; put it in one and import it from there",
+                stacklevel=2,
+            )
+            continue
+        initial = {
+            name: float(value) + frame_shift_m(f"{effect.name}.{name}", origin_m)
+            for name, value in fit.at.values[effect.name].items()
+        }
+        entries.append(Effect(name=effect.name, file=file, initial=initial))
+    changed = study.model_copy(update={"effects": tuple(entries)})
     write_study(changed, path)
     return changed
 

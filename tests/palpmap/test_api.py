@@ -188,6 +188,7 @@ def test_a_scripted_scan_becomes_an_experiment():
 
 TIP, BODY = pm.FlatTip(0.004), pm.Block((0.06, 0.06, 0.03), poisson_ratio=0.45)
 WRONG: Any = TIP
+WRONG_EFFECTS: Any = ["force_drift"]
 
 
 def of_arrays(**values) -> pm.Experiment:
@@ -210,6 +211,7 @@ def of_arrays(**values) -> pm.Experiment:
         (lambda: of_arrays(direction=(0, 0, -2)), "column nx, ny, nz: found a length of 2"),
         (lambda: of_arrays(phase="approach"), "press 0 has 0 samples with phase load"),
         (lambda: pm.Experiment(of_arrays().scan, WRONG, TIP), "body: found Probe("),
+        (lambda: pm.diagnose(of_arrays(), effects=WRONG_EFFECTS), "effects: found 'force_drift'"),
         (lambda: pm.read_study("nowhere.toml"), "nowhere.toml: no such file"),
         (lambda: pm.read_run(ROOT / "docs"), "found no fit.json"),
     ],

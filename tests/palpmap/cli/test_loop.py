@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from identify.catalogue.catalogue import CATALOGUE
+from identify.catalogue.force_bias import ForceBias
 from identify.catalogue.user_effect import load_effect
 from identify.fit.joint_fit import fit_jointly
 from models.scan_file import read_scan
@@ -329,6 +330,21 @@ def test_an_effect_of_ones_own_is_written_with_a_path_that_can_be_read(offset, t
     assert entry.file is not None
     assert load_effect(entry.file).name == "warm_up"
     assert set(entry.initial) == {"rise_n", "tau_s"}
+    version_of(load_study(offset), fit, folder / "study.v3.toml")  # from Python: its own module
+    assert load_study(folder / "study.v3.toml").effects == (entry,)
+
+
+def test_an_effect_of_the_running_program_is_left_out_of_the_study_with_a_warning(offset, tmp_path):
+    class Mine(ForceBias):
+        name = "mine"
+
+    press, _, _, force = timing(8)
+    model = loop_model(scan(true_compliance()[press] * force, force, 8))
+    model = model.with_effect(Mine(), {"bias_n": 1e-3}, model.mechanics.state())
+    fit = fit_jointly(model, TRUE, rounds=0, max_evaluations=1)
+    with pytest.warns(UserWarning, match=r"does not name the effect 'mine'.*import it from there"):
+        version_of(load_study(offset), fit, tmp_path / "study.v2.toml")
+    assert load_study(tmp_path / "study.v2.toml").effects == ()
 
 
 @pytest.mark.parametrize(

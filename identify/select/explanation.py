@@ -197,10 +197,10 @@ class Explanation:
 
     @property
     def traces(self) -> tuple[str, ...]:
-        """Significant effects of the last step that do not call for a further step."""
-        return tuple(sorted(self.final.diagnosis.significant)) * (
-            self.fitted_verdict != "unexplained"
-        )
+        """Significant effects of the last step, of no group, that call for no further step."""
+        offered = {name for effect in self.accepted for name in effect.group}
+        found = sorted(self.final.diagnosis.significant.difference(offered))
+        return tuple(found) if self.fitted_verdict != "unexplained" else ()
 
     @property
     def map_error(self) -> float:

@@ -46,7 +46,7 @@ def next_steps(
     other, best = record.without_suspects, record.next_presses[:1]
     no_use = best and best[0].discrimination is None and other and other.verdict == "unexplained"
     if best and not no_use:
-        steps.append(_presses(record, run, source, problem.scan.has_time))
+        steps += _presses(record, run, source, problem.scan.has_time)
     verdict = explained.fitted_verdict
     if verdict == "unexplained":
         steps.append(_own_effect(run, source))
@@ -99,18 +99,19 @@ def _from_contacts(problem: Problem, run: Path) -> str:
     )
 
 
-def _presses(record: ExplainRecord, run: Path, study: Path, timed: bool) -> str:
+def _presses(record: ExplainRecord, run: Path, study: Path, timed: bool) -> tuple[str, str]:
     """Return the presses to make, and the way to explain them together with the scan."""
     best = record.next_presses[0]
     pause = ("--pause", "SECONDS") if timed else ()
     join = to_type(
         "join", run / "scan.csv", "NEW_SCAN.csv", *pause, "--study", study, "--out", "both.csv"
     )
-    between = " (SECONDS: from the end of the one to the start of the other)" if timed else ""
+    between = " (SECONDS lie between the two)" if timed else ""
     return (
-        f"{best.change} ({duration(best.duration_s)}): {best.why}. Press program: "
-        f"{run / best.program}. `{join}` makes one scan of both, with its study{between}; then "
-        f"`{to_type('explain', 'both.toml')}`."
+        f"{best.change} ({duration(best.duration_s)}): {best.why}. "
+        f"Press program: {run / best.program}.",
+        f"Then `{join}` makes one scan of both, with its study{between}; "
+        f"`{to_type('explain', 'both.toml')}`.",
     )
 
 

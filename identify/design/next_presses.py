@@ -9,8 +9,10 @@ the second candidate have been refitted to present and planned readings together
 in units of chi-square, less the part of the present scan. Beside a free map the unknowns are ln C
 of each planned press and the effects, with their covariance by the present scan. Laws of contact
 are told by the presses alone: C of a planned press is unknown then, whatever the map. Of the two
-orders of a pair the smaller D counts. A refit follows the bent valley of the map's weight and
-depth, with a smaller residual than this straight step: D may be promised up to twice too large.
+orders of a pair the smaller D counts. Where the present scan has told the two apart by less than
+one of them being right would have, D is taken in that proportion. A refit follows the bent valley
+of the map's weight and depth, with a smaller residual than this straight step: D may be promised
+up to twice too large.
 
 A design with a larger D than needed is reduced to the presses with the largest parts of
 |P (r_A - r_B)|^2, as few as still reach the aim (`PlanSettings.aim`).
@@ -21,7 +23,7 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from scipy.linalg import block_diag, cholesky, lstsq, solve_triangular
+from scipy.linalg import cholesky, lstsq, solve_triangular
 
 from identify.body.mechanics import BodyMechanics
 from identify.design.predicted_limits import planned
@@ -34,8 +36,6 @@ from identify.optimize.result import InadmissibleError
 from identify.residual.own_errors import Places, shared_places
 
 Pair = tuple[str, str]
-
-_UNKNOWN = 1.0  # standard deviation of ln C of a press that may be anything
 
 
 @dataclass(frozen=True)
@@ -79,12 +79,12 @@ def next_presses(
     designs : planned scans
     alone : the presses tell the candidates apart, each with a compliance of its own
     """
-    found = []
+    found, present = [], _Present.of(candidates, alone)
     for design in designs:
         if progress:
             progress(f"planning a scan {design.change}")
         try:
-            found.append(_proposal(candidates, design, settings, alone))
+            found.append(_proposal(present, design, settings))
         except InadmissibleError:
             continue
     return tuple(sorted(found, key=_rank))
@@ -96,13 +96,8 @@ def _rank(proposal: Proposal) -> tuple[int, float]:
     return -separated, last
 
 
-def _proposal(
-    candidates: Sequence[tuple[str, FitResult]],
-    design: Design,
-    settings: PlanSettings,
-    alone: bool,
-) -> Proposal:
-    planned_scan = _Planned(candidates, design, alone)
+def _proposal(present: "_Present", design: Design, settings: PlanSettings) -> Proposal:
+    planned_scan = _Planned(present, design)
     worth = planned_scan.worth(np.arange(len(design.presses)))
     wanted = [pair for pair, d in worth.items() if d >= settings.aim]
     whole = _separation(design, worth, settings)
@@ -125,7 +120,7 @@ def _proposal(
         return whole
     fewer = replace(design, presses=design.presses.taken(np.sort(order[:many])))
     # Made on their own these presses come earlier and at other places in the order
-    again = _separation(fewer, _Planned(candidates, fewer, alone).worth(np.arange(many)), settings)
+    again = _separation(fewer, _Planned(present, fewer).worth(np.arange(many)), settings)
     return again if set(again.separated) >= set(wanted) else whole
 
 
@@ -146,6 +141,7 @@ class _Ordered:
     known, target : (k, k) and (k,) what the present scan says of the second one's k unknowns,
         as whitened rows
     derivatives, apart : (m, k) and (m,) whitened rows of the planned readings
+    borne_out : share of such a difference that the present scan has shown, at most 1
     """
 
     pair: Pair
@@ -153,6 +149,7 @@ class _Ordered:
     target: np.ndarray
     derivatives: np.ndarray
     apart: np.ndarray
+    borne_out: float
 
     def remaining(self, rows: np.ndarray) -> np.ndarray:
         """Return the whitened difference that the unknowns leave, of the present and some rows."""
@@ -162,13 +159,70 @@ class _Ordered:
         )
 
 
+@dataclass(frozen=True)
+class _Present:
+    """Candidates with their fits to the present scan, and what that says of each pair.
+
+    Attributes
+    ----------
+    fits : by name
+    alone : see `next_presses`
+    rows : by (truth, name), derivatives (m, k) of the present readings of the second one, and what
+        the first one predicts otherwise (m,): whitened, and with a compliance of its own for each
+        press taken off but beside a map of inclusions
+    """
+
+    fits: Mapping[str, FitResult]
+    alone: bool
+    rows: Mapping[Pair, tuple[np.ndarray, np.ndarray]]
+
+    @classmethod
+    def of(cls, candidates: Sequence[tuple[str, FitResult]], alone: bool = False) -> "_Present":
+        """Compare the candidates' fits pair by pair."""
+        fits = dict(candidates)
+        rows: dict[Pair, tuple[np.ndarray, np.ndarray]] = {}
+        for name, fit in fits.items():
+            at, press = fit.at, fit.model.readings.press
+            others = [truth for truth in fits if truth != name]
+            apart = np.column_stack([fits[o].at.predicted_m - at.predicted_m for o in others])
+            white, derivatives = at.whitened(apart, press), at.jacobian
+            if alone or fit.field is not None:
+                effects = derivatives[:, len(fit.model.space.free) :]
+                both = _left(_by_press(fit.model, at), np.hstack([effects, white]))
+                derivatives, white = both[:, : effects.shape[1]], both[:, effects.shape[1] :]
+            rows |= {
+                (other, name): (derivatives, one)
+                for other, one in zip(others, white.T, strict=True)
+            }
+        return cls(fits, alone, rows)
+
+    def borne_out(self, pair: Pair) -> float:
+        """Return the share of their difference by which the scan has told two fits apart.
+
+        Were the first one right, chi-square of the other would be larger by the squared difference
+        d^2 of their predictions that its unknowns leave, with a standard deviation of 2 d. Where it
+        is less by more than two of these, the readings lie between the two, and will again.
+        """
+        square = float(np.sum(_left(*self.rows[pair]) ** 2))
+        differs = abs(self.fits[pair[0]].chi2 - self.fits[pair[1]].chi2)
+        shown = differs + 4 * float(np.sqrt(square))
+        return 1.0 if shown >= square else shown / square
+
+    def known(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
+        """Return the scan's rows on the unknowns of the second, were the first one's readings true.
+
+        Of the effects alone, where each press has a compliance of its own.
+        """
+        derivatives, apart = self.rows[pair]
+        q, root = np.linalg.qr(derivatives)
+        return root, q.T @ apart
+
+
 class _Planned:
     """Planned readings, predicted by every candidate after the present ones."""
 
-    def __init__(
-        self, candidates: Sequence[tuple[str, FitResult]], design: Design, alone: bool = False
-    ) -> None:
-        fits = dict(candidates)
+    def __init__(self, present: _Present, design: Design) -> None:
+        fits, alone, presses = present.fits, present.alone, design.presses
         views: dict[str, tuple[MeasurementModel, Linearised]] = {}
         like: BodyMechanics | None = None
         for name, fit in fits.items():
@@ -179,22 +233,16 @@ class _Planned:
         for truth, name in permutations(fits, 2):
             fit, (model, there) = fits[name], views[name]
             apart = views[truth][1].predicted_m - there.predicted_m
-            if fit.field is None and not alone:
-                known = _known_of_map(fit, fits[truth])
-                derivatives = there.jacobian
-            else:
-                of_map = len(fit.model.space.free)  # none of a free map
-                known = (
-                    _known_of_presses(fit, len(design.presses), of_map)
-                    if alone
-                    else _known_of_free_map(fit, design.presses, there)
-                )
-                by_press = np.zeros((len(self.press), len(design.presses)))
-                by_press[np.arange(len(self.press)), self.press] = model.by_log_compliance(there)
-                own = there.whitened(by_press, self.press)
-                derivatives = np.hstack([own, there.jacobian[:, of_map:]])
-            white = there.whitened(apart, self.press)
-            self.ordered.append(_Ordered((truth, name), *known, derivatives, white))
+            white, derivatives = there.whitened(apart, self.press), there.jacobian
+            known, target = present.known((truth, name))
+            if alone or fit.field is not None:
+                effects = derivatives[:, len(fit.model.space.free) :]
+                derivatives = np.hstack([_by_press(model, there), effects])
+                known = np.hstack([np.zeros((len(known), len(presses))), known])
+            if fit.field is not None and not alone:
+                known, target = _known_of_free_map(fit, presses, there)
+            shown = present.borne_out((truth, name))
+            self.ordered.append(_Ordered((truth, name), known, target, derivatives, white, shown))
 
     def worth(self, presses: np.ndarray) -> dict[Pair, float]:
         """Return D of every pair, the lesser of its two orders, if only these presses are made."""
@@ -207,7 +255,7 @@ class _Planned:
     def worth_in_order(self, presses: np.ndarray) -> dict[Pair, float]:
         """Return D of every (truth, model) if only these presses are made."""
         rows = np.isin(self.press, presses)
-        return {o.pair: float(np.sum(o.remaining(rows) ** 2)) for o in self.ordered}
+        return {o.pair: o.borne_out * float(np.sum(o.remaining(rows) ** 2)) for o in self.ordered}
 
     def most_telling_first(self, pair: Pair) -> np.ndarray:
         """Return the planned presses (j,), by their part of a pair's discrimination."""
@@ -219,12 +267,12 @@ class _Planned:
         return np.argsort(-parts, kind="stable")
 
 
-def _known_of_map(fit: FitResult, truth: FitResult) -> tuple[np.ndarray, np.ndarray]:
-    """Return the present scan's rows on the unknowns of a fit, were another one's readings true."""
-    apart = truth.at.predicted_m - fit.at.predicted_m
-    white = fit.at.whitened(apart, fit.model.readings.press)
-    q, root = np.linalg.qr(fit.at.jacobian)
-    return root, q.T @ white
+def _by_press(model: MeasurementModel, at: Linearised) -> np.ndarray:
+    """Return the whitened derivatives (m, j) of the readings by ln C of each press."""
+    press = model.readings.press
+    columns = np.zeros((len(press), model.readings.presses))
+    columns[np.arange(len(press)), press] = model.by_log_compliance(at)
+    return at.whitened(columns, press)
 
 
 def _known_of_free_map(
@@ -242,17 +290,6 @@ def _known_of_free_map(
     own = np.where(shared.any(axis=1), 0.0, error**2)
     each = np.arange(len(own))
     covariance[each, each] += own + 1e-9 * covariance[each, each]
-    return _rows(covariance)
-
-
-def _known_of_presses(fit: FitResult, presses: int, of_map: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the same where each planned press has a compliance that nothing tells beforehand."""
-    effects = fit.covariance_scaled[of_map:, of_map:]
-    return _rows(block_diag(_UNKNOWN**2 * np.eye(presses), effects))
-
-
-def _rows(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return whitened rows that say as much of some unknowns, about zero."""
     root = cholesky(covariance, lower=True)
     return solve_triangular(root, np.eye(len(root)), lower=True), np.zeros(len(root))
 

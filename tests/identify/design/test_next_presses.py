@@ -12,7 +12,7 @@ from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
 from identify.design.assessment import _settings
-from identify.design.next_presses import _Planned, next_presses
+from identify.design.next_presses import _Planned, _Present, next_presses
 from identify.design.scan_variants import (
     Design,
     mixed,
@@ -102,7 +102,7 @@ def test_only_as_many_presses_are_asked_for_as_are_needed(proposals, candidates)
     chosen = list(map(order.index, asked))
     assert chosen == sorted(chosen)
     # As many of the others, filled up with the least telling of the chosen ones, would not do
-    planned = _Planned(candidates[:2], replace(best.design, presses=whole))
+    planned = _Planned(_Present.of(candidates[:2]), replace(best.design, presses=whole))
     (pair,) = best.separated
     least = planned.most_telling_first(pair)[::-1][:count]
     assert planned.worth(least)[pair] < 0.8 * PLAN.aim
@@ -160,7 +160,7 @@ def test_presses_that_are_made_bring_what_was_promised(candidates):
     )
     first = fits(both.rows(number < 25))[:2]
     design = Design("two_radii", "", presses)
-    promised = _Planned(first, design).worth_in_order(np.arange(25))
+    promised = _Planned(_Present.of(first), design).worth_in_order(np.arange(25))
     (right, wrong), (right_now, wrong_now) = ([f.chi2 for _, f in some] for some in (
         first, fits(both, body)[:2]))  # fmt: skip
     gained = (wrong_now - right_now) - (wrong - right)
@@ -210,7 +210,7 @@ def test_a_course_in_time_may_go_on_in_any_way_after_the_scan(softening):
     """Later presses tell it from no settled law, as a refit to both scans is free there."""
     presses = presses_of(softening[0][1].model.readings)
     (same,) = (d for d in variations(presses, True) if d.name == "same")
-    told = _Planned(softening, same).worth_in_order(np.arange(25))
+    told = _Planned(_Present.of(softening), same).worth_in_order(np.arange(25))
     assert told["preconditioning", "sensitivity_wander"] < 0.5 * PLAN.needed
 
 

@@ -1,5 +1,6 @@
 """Proposed presses beside a free map: they know its prior, and what the present scan says of it."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -9,7 +10,7 @@ import pytest
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
-from identify.design.next_presses import _Planned
+from identify.design.next_presses import _Planned, _Present
 from identify.design.predicted_limits import planned
 from identify.design.scan_variants import (
     Design,
@@ -18,6 +19,7 @@ from identify.design.scan_variants import (
     readings_of,
     variations,
 )
+from identify.effects.base import Values
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map_fit import FreeMapFit
@@ -29,13 +31,17 @@ from identify.measurement.chain import OperatingPoint
 from identify.measurement.model import MeasurementModel
 from tests.identify.select.loop_problem import NOISE, NU, SIZE, points
 
-OFFSET_M = -4e-5
+TRUE = {"contact_offset": {"offset_m": -4e-5}}
 LENGTHS_M, LEVEL = (0.009, 0.06), np.log(8e3)
 HYPER = Hyper(0.02, 0.3, 0.02)
 CANDIDATES = {"contact_offset": {"offset_m": -2e-5}, "touch_threshold": {"threshold_n": 4e-3}}
 
 
-def pressed(presses: Presses, profile: Literal["flat", "hertz"] = "flat") -> MeasurementModel:
+def pressed(
+    presses: Presses,
+    true_values: Mapping[str, Values] = TRUE,
+    profile: Literal["flat", "hertz"] = "flat",
+) -> MeasurementModel:
     """Readings of an uneven body, their travel too short by the same; without noise."""
     readings = readings_of(presses, timed=False)
     radius = presses.radius_m * {"flat": 1.0, "hertz": 0.6}[profile]
@@ -49,13 +55,13 @@ def pressed(presses: Presses, profile: Literal["flat", "hertz"] = "flat") -> Mea
         readings, np.zeros(len(readings)), NOISE, BodyMechanics.of(coarse),
         ParameterSpace(FreeMap(grid, np.full(len(grid), LEVEL)), (), ()), unit_compliance=unit,
     )  # fmt: skip
-    chain = replace(model.chain, effects=[CATALOGUE["contact_offset"]])
-    at = OperatingPoint(c, unit / c, readings.force_n, {"contact_offset": {"offset_m": OFFSET_M}})
+    chain = replace(model.chain, effects=[CATALOGUE[name] for name in true_values])
+    at = OperatingPoint(c, unit / c, readings.force_n, true_values)
     return replace(model, displacement_m=chain.predict(at))
 
 
-def fits(presses: Presses) -> list[tuple[str, FitResult]]:
-    model = pressed(presses)
+def fits(presses: Presses, true_values: Mapping[str, Values] = TRUE) -> list[tuple[str, FitResult]]:
+    model = pressed(presses, true_values)
     state = model.mechanics.state()
     return [
         (name, FreeMapFit(model.with_effect(CATALOGUE[name], at, state), HYPER, LENGTHS_M).run())
@@ -119,7 +125,7 @@ def test_presses_are_planned_with_the_compliances_that_the_present_readings_ask_
 
 def test_planned_readings_of_a_ball_are_those_of_its_law_at_the_forces_that_are_set(present):
     soft = replace(present, force_n=np.linspace(0.02, 0.05, 25))
-    model = pressed(soft, "hertz")
+    model = pressed(soft, profile="hertz")
     fit = FreeMapFit(model, HYPER, LENGTHS_M).run()
     (same,) = (d for d in variations(soft, timed=False) if d.name == "same")
     further, there = planned(fit, same, further=True)
@@ -139,7 +145,9 @@ def test_planned_readings_end_where_those_of_the_scan_do(present):
 
 def test_places_that_were_pressed_tell_more_than_another_body_of_the_prior(candidates, designs):
     design, fit = designs["two_forces"], dict(candidates)
-    for (truth, name), known in _Planned(candidates, design).worth_in_order(np.arange(25)).items():
+    for (truth, name), known in (
+        _Planned(_Present.of(candidates), design).worth_in_order(np.arange(25)).items()
+    ):
         (_, there), (model, at) = (planned(fit[n], design) for n in (truth, name))
         apart = at.whitened(there.predicted_m - at.predicted_m, model.readings.press)
         fitted = at.jacobian @ np.linalg.lstsq(at.jacobian, apart, rcond=None)[0]
@@ -151,7 +159,9 @@ def test_presses_alone_are_promised_what_their_own_fits_bring(candidates, design
     """Laws of contact are told by presses with a compliance of their own: no map ties these."""
     order = "contact_offset", "touch_threshold"
     beside_map, alone = (
-        _Planned(candidates, designs[name], alone=a).worth_in_order(np.arange(25))[order]
+        _Planned(_Present.of(candidates, alone=a), designs[name]).worth_in_order(np.arange(25))[
+            order
+        ]
         for a in (False, True)
     )
     further = designs[name].presses
@@ -160,6 +170,26 @@ def test_presses_alone_are_promised_what_their_own_fits_bring(candidates, design
     gained = (then[1] - then[0]) - (now[1] - now[0])
     assert 0.6 < gained / alone < 1.3
     assert name == "same" or beside_map > 1.5 * gained
+
+
+@pytest.mark.parametrize(
+    ("threshold_n", "offset_m", "least", "most"),
+    [(0.0, -4e-4, 0.9, 1.1), (0.03, 0.0, 0.8, 1.1), (0.02, -2e-4, 0.0, 20.0)],
+)
+def test_readings_between_two_laws_promise_no_more_than_they_have_shown(
+    present, threshold_n, offset_m, least, most
+):
+    """Once more the same presses: they show what the present ones did, or two sigmas more."""
+    true_values = {
+        "contact_offset": {"offset_m": offset_m},
+        "touch_threshold": {"threshold_n": threshold_n},
+    }
+    between = fits(present, true_values)
+    shown = abs(np.subtract(*(fit.chi2 for _, fit in between)))
+    (same,) = (d for d in variations(present, timed=False) if d.name == "same")
+    promised = min(_Planned(_Present.of(between, alone=True), same).worth(np.arange(25)).values())
+    assert least * shown < promised < most * shown
+    assert promised < shown + 4 * 9  # of 78, were one law right
 
 
 def misfits(presses: Presses) -> list[float]:
@@ -184,7 +214,7 @@ def test_presses_that_are_made_bring_what_was_promised(candidates, designs, pres
     A refit finds a prior anew as well, and follows the bend of the laws; the promise is straight.
     """
     further = designs[name].presses
-    promised = _Planned(candidates, designs[name]).worth_in_order(np.arange(25))
+    promised = _Planned(_Present.of(candidates), designs[name]).worth_in_order(np.arange(25))
     both = zip(vars(present).values(), vars(further).values(), strict=True)
     made = Presses(*(np.concatenate(pair) for pair in both))
     (right, wrong), (right_now, wrong_now) = map(chi2, (candidates, fits(made)))

@@ -212,7 +212,8 @@ def _next_presses(
     few = np.linspace(0, len(presses) - 1, min(PLAN.most, len(presses))).round().astype(int)
     designs = designs_on_body(candidates[0][1], variations(presses.taken(few), timed, most_force_n))
     settings = _settings(explained, group)
-    return next_presses(candidates, designs, say, settings, alone=group.shown_by_presses)
+    by_law = {r.name: r.chi2 for r in group.candidates} if group.shown_by_presses else None
+    return next_presses(candidates, designs, say, settings, by_law)
 
 
 def _settings(explained: Explanation, group: AcceptedEffect) -> PlanSettings:

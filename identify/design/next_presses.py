@@ -69,7 +69,7 @@ def next_presses(
     designs: Sequence[Design],
     progress: Callable[[str], None] | None = None,
     settings: PlanSettings = PLAN,
-    alone: bool = False,
+    alone: Mapping[str, float] | None = None,
 ) -> tuple[Proposal, ...]:
     """Rank planned scans: by the number of separated pairs, then by duration.
 
@@ -77,7 +77,8 @@ def next_presses(
     ----------
     candidates : effects by name with their joint fits to the present scan
     designs : planned scans
-    alone : the presses tell the candidates apart, each with a compliance of its own
+    alone : chi-square of the presses under each candidate, each press with a compliance of its own,
+        where these tell the candidates apart; None: beside the map
     """
     found, present = [], _Present.of(candidates, alone)
     for design in designs:
@@ -165,19 +166,22 @@ class _Present:
 
     Attributes
     ----------
-    fits : by name
-    alone : see `next_presses`
+    fits, chi2 : by name
+    alone : the presses tell the candidates apart, see `next_presses`
     rows : by (truth, name), derivatives (m, k) of the present readings of the second one, and what
         the first one predicts otherwise (m,): whitened, and with a compliance of its own for each
         press taken off but beside a map of inclusions
     """
 
     fits: Mapping[str, FitResult]
+    chi2: Mapping[str, float]
     alone: bool
     rows: Mapping[Pair, tuple[np.ndarray, np.ndarray]]
 
     @classmethod
-    def of(cls, candidates: Sequence[tuple[str, FitResult]], alone: bool = False) -> "_Present":
+    def of(
+        cls, candidates: Sequence[tuple[str, FitResult]], alone: Mapping[str, float] | None = None
+    ) -> "_Present":
         """Compare the candidates' fits pair by pair."""
         fits = dict(candidates)
         rows: dict[Pair, tuple[np.ndarray, np.ndarray]] = {}
@@ -186,7 +190,7 @@ class _Present:
             others = [truth for truth in fits if truth != name]
             apart = np.column_stack([fits[o].at.predicted_m - at.predicted_m for o in others])
             white, derivatives = at.whitened(apart, press), at.jacobian
-            if alone or fit.field is not None:
+            if alone is not None or fit.field is not None:
                 effects = derivatives[:, len(fit.model.space.free) :]
                 both = _left(_by_press(fit.model, at), np.hstack([effects, white]))
                 derivatives, white = both[:, : effects.shape[1]], both[:, effects.shape[1] :]
@@ -194,7 +198,8 @@ class _Present:
                 (other, name): (derivatives, one)
                 for other, one in zip(others, white.T, strict=True)
             }
-        return cls(fits, alone, rows)
+        chi2 = {name: fit.chi2 for name, fit in fits.items()} if alone is None else alone
+        return cls(fits, chi2, alone is not None, rows)
 
     def borne_out(self, pair: Pair) -> float:
         """Return the share of their difference by which the scan has told two fits apart.
@@ -204,7 +209,7 @@ class _Present:
         is less by more than two of these, the readings lie between the two, and will again.
         """
         square = float(np.sum(_left(*self.rows[pair]) ** 2))
-        differs = abs(self.fits[pair[0]].chi2 - self.fits[pair[1]].chi2)
+        differs = abs(self.chi2[pair[0]] - self.chi2[pair[1]])
         shown = differs + 4 * float(np.sqrt(square))
         return 1.0 if shown >= square else shown / square
 

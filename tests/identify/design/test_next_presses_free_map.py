@@ -158,12 +158,12 @@ def test_places_that_were_pressed_tell_more_than_another_body_of_the_prior(candi
 def test_presses_alone_are_promised_what_their_own_fits_bring(candidates, designs, present, name):
     """Laws of contact are told by presses with a compliance of their own: no map ties these."""
     order = "contact_offset", "touch_threshold"
+    chi2 = dict(zip(CANDIDATES, misfits(present), strict=True))
     beside_map, alone = (
-        _Planned(_Present.of(candidates, alone=a), designs[name]).worth_in_order(np.arange(25))[
-            order
-        ]
-        for a in (False, True)
+        _Planned(_Present.of(candidates, by_law), designs[name]).worth_in_order(np.arange(25))
+        for by_law in (None, chi2)
     )
+    beside_map, alone = beside_map[order], alone[order]
     further = designs[name].presses
     both = zip(vars(present).values(), vars(further).values(), strict=True)
     now, then = (misfits(p) for p in (present, Presses(*map(np.concatenate, both))))
@@ -185,16 +185,18 @@ def test_readings_between_two_laws_promise_no_more_than_they_have_shown(
         "touch_threshold": {"threshold_n": threshold_n},
     }
     between = fits(present, true_values)
-    shown = abs(np.subtract(*(fit.chi2 for _, fit in between)))
+    chi2 = misfits(present, true_values)
+    shown = abs(np.subtract(*chi2))
+    alone = dict(zip(CANDIDATES, chi2, strict=True))
     (same,) = (d for d in variations(present, timed=False) if d.name == "same")
-    promised = min(_Planned(_Present.of(between, alone=True), same).worth(np.arange(25)).values())
+    promised = min(_Planned(_Present.of(between, alone), same).worth(np.arange(25)).values())
     assert least * shown < promised < most * shown
     assert promised < shown + 4 * 9  # of 78, were one law right
 
 
-def misfits(presses: Presses) -> list[float]:
+def misfits(presses: Presses, true_values: Mapping[str, Values] = TRUE) -> list[float]:
     """Chi-square of the presses under each candidate, each with a compliance of its own."""
-    model = pressed(presses)
+    model = pressed(presses, true_values)
     assert model.unit_compliance is not None
     alone = FreeCompliance(
         model.readings, model.displacement_m, NOISE, model.mechanics.contacts, NU,

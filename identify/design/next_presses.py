@@ -162,7 +162,7 @@ class _Ordered:
 
 @dataclass(frozen=True)
 class _Present:
-    """Candidates with their fits to the present scan, and what that says of each pair.
+    """Candidates with their fits to the present scan, and its rows on each pair.
 
     Attributes
     ----------

@@ -85,6 +85,7 @@ def next_presses_records(
             presses=len(proposal.design.presses),
             duration_s=proposal.design.presses.duration_s,
             program=PROGRAM.format(number),
+            separates=bool(proposal.separated),
         )
         for number, proposal in enumerate(assessment.next_presses[:_MOST], start=1)
     ]

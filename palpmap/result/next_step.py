@@ -45,8 +45,9 @@ def next_steps(
     # Presses without which the scan is as unexplained are not why
     other, best = record.without_suspects, record.next_presses[:1]
     no_use = best and best[0].discrimination is None and other and other.verdict == "unexplained"
-    if best and not no_use:
-        steps += _presses(record, run, source, problem.scan.has_time)
+    asked = () if no_use or not best else _presses(record, run, source, problem.scan.has_time)
+    sure = bool(asked) and best[0].separates
+    steps += asked if sure else ()
     verdict = explained.fitted_verdict
     if verdict == "unexplained":
         steps.append(_own_effect(run, source))
@@ -55,10 +56,10 @@ def next_steps(
             "Press some of these places with a flat tip, or a larger ball, and explain both scans "
             "together: a cause that holds for both tips is found."
         )
-    elif verdict == "ambiguous" and not record.next_presses:
+    elif verdict == "ambiguous" and not sure:
         group = set(chain(*record.ambiguous))
         cures = [f"{e.title}: {e.cure}" for e in problem.catalogue if e.name in group]
-        advice = "No other presses with this tip separate them; rule them out one by one."
+        advice = "No scan of these places separates them for sure; rule them out one by one."
         steps.append(" ".join([advice, *cures]))
     elif verdict == "explained":
         effects = [part.effect for part in explained.final.fit.model.effects]
@@ -68,6 +69,7 @@ def next_steps(
         if by_chance(explained):
             steps.append("Make the scan once more: a pattern that stays has a cause.")
         steps.append(_limits(record, source))
+    steps += () if sure else asked
     return (f"Next: {steps[0]}", *steps[1:]) if steps else ()
 
 

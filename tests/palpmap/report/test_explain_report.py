@@ -363,6 +363,29 @@ def test_presses_that_change_nothing_are_not_asked_for_first(told, tmp_path):
     assert steps(wrong, "explained").startswith("Next: Set kind")
 
 
+@pytest.mark.parametrize(
+    ("verdict", "separates", "first"),
+    [
+        ("ambiguous", True, "Make the scan once more"),
+        ("ambiguous", False, "No scan of these places separates"),
+        ("unexplained", False, "If you have a cause in mind"),
+    ],
+)
+def test_presses_that_separate_nothing_stand_behind_what_does(
+    told, tmp_path, verdict, separates, first
+):
+    program = NextPressesRecord(
+        change="Make the scan once more", why="a reason", discrimination=3.0, presses=30,
+        duration_s=90.0, program="next_scan_1.csv", separates=separates,
+    )  # fmt: skip
+    record = told.record.changed(next_presses=(program,), ambiguous=(("force_bias", "play"),))
+    explained = replace(told.explained, verdict=verdict)
+    steps = next_steps(record, explained, told.problem, tmp_path)
+    assert first in steps[0]
+    assert sum("next_scan_1.csv" in step for step in steps) == 1
+    assert sum("both.csv" in step for step in steps) == 1
+
+
 def test_a_block_that_stands_in_for_a_curved_body_gives_way_to_its_contacts(told, tmp_path):
     study, no_fit = told.problem.study, told.record.presses_alone
     fit = PressesFitRecord(

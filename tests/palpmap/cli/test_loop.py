@@ -326,11 +326,11 @@ def test_an_effect_of_ones_own_is_written_with_a_path_that_can_be_read(offset, t
     model = model.with_effect(own, {"rise_n": 1e-3, "tau_s": 30.0}, model.mechanics.state())
     fit = fit_jointly(model, TRUE, rounds=0, max_evaluations=1)
     version_of(load_study(offset), fit, folder / "study.v2.toml", {own.name: file})
+    version_of(load_study(offset), fit, folder / "study.v3.toml")  # from Python: its own module
     (entry,) = load_study(folder / "study.v2.toml").effects
     assert entry.file is not None
     assert load_effect(entry.file).name == "warm_up"
     assert set(entry.initial) == {"rise_n", "tau_s"}
-    version_of(load_study(offset), fit, folder / "study.v3.toml")  # from Python: its own module
     assert load_study(folder / "study.v3.toml").effects == (entry,)
 
 

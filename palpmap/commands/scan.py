@@ -19,7 +19,6 @@ from palpmap.report.scan_console import refused_table, scan_table
 from palpmap.result.press_outcomes import FILE as PRESSES
 from palpmap.result.press_outcomes import PressesRecord, PressRecord, press_record
 from palpmap.result.scan_record import ScanRecord, scan_record
-from palpmap.result.truth import TruthRecord
 from palpmap.run_files import samples as all_samples
 from palpmap.run_folder import RunFolder
 from palpmap.study.lab import Lab, read_lab
@@ -239,7 +238,7 @@ def planned_laboratory(
     laboratory = build_laboratory(study, plan, settings, plant, truth, motion).within_depth()
     known = known_of(study, run / "scan.csv", laboratory)
     write_study(known, run / "study.toml")
-    write_truth(run, laboratory.hidden.body, laboratory.hidden.records)
+    write_truth(run, laboratory.hidden.body, laboratory.hidden.records, truth)
     return laboratory, known
 
 
@@ -262,7 +261,7 @@ def _truth(truth: str | None, study: Study, plan: "ScanPlan", seed: int) -> Trut
         return Truth(drawn_truth(plan.body, seed))
     if not truth.endswith(".json"):
         return read_truth(truth, study)
-    return truth_of_scan(TruthRecord.read(Path(truth)))
+    return truth_of_scan(Path(truth))
 
 
 def make_scan(

@@ -27,8 +27,23 @@ class HiddenEffectRecord(Record):
     kin: tuple[str, ...] = Field(default=(), description="nearest effects of the catalogue")
 
 
+class TrueLawRecord(Record):
+    """Stress over strain of the whole body."""
+
+    kind: str = Field(description="neo-hookean, yeoh or fung")
+    coefficient: float = Field(description="of the stiffening")
+    friction: bool = Field(description="the surface sticks to the tip; else it slides")
+
+
+class TrueCreepRecord(Record):
+    """Parts of the immediate travel by which it grows under a held force."""
+
+    shares: tuple[float, ...]
+    times_s: tuple[float, ...] = Field(description="of retardation, s")
+
+
 class TrueBodyRecord(Record):
-    """The true map."""
+    """The true map, and what the body has beside it."""
 
     background_pa: float = Field(description="Young's modulus of the background, Pa")
     inclusions: tuple[Inclusion, ...] = Field(description="in the body's frame, m and Pa")
@@ -39,6 +54,8 @@ class TrueBodyRecord(Record):
     regions_pa: Mapping[str, float] | None = Field(
         default=None, description="Young's modulus of the regions of a label volume, by label"
     )
+    law: TrueLawRecord | None = Field(default=None, description="null of a linear body")
+    creep: TrueCreepRecord | None = Field(default=None, description="null of an elastic body")
 
     @property
     def map(self) -> GaussianMap:

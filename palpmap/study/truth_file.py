@@ -27,6 +27,7 @@ Positions are in the scan's frame, as in the study.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -122,12 +123,12 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
     InputError
         Naming file and key, what was found and what is expected.
     """
-    from fem.finite_strain import Fung, NeoHookean, Yeoh
     from sim.body import Creep, Inclusion, TruthMap
 
     path = Path(path)
     found = read_table(path, TruthFile, "true map")
     origin = np.array(study.body.origin_m)
+    _refuse_outside(path, found.inclusions, study)
     spots = tuple(
         Inclusion(
             spot.weight_pa,
@@ -146,9 +147,37 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
                 f"{file}: {', '.join(map(str, volume.names))}"
             )
         volume = volume.moved(-origin)
-    laws = {"neo-hookean": lambda _: NeoHookean(), "yeoh": Yeoh, "fung": Fung}
-    law = found.law and laws[found.law.kind](found.law.coefficient)
+    law = found.law and law_of(found.law.kind, found.law.coefficient)
     creep = found.creep and Creep(found.creep.shares, found.creep.times_s)
     sticking = found.law is None or found.law.friction
     truth = TruthMap(found.background_pa, spots, volume, moduli)
     return Truth(truth, law, creep, sticking=sticking)
+
+
+def _refuse_outside(path: Path, spots: Sequence[TrueInclusion], study: Study) -> None:
+    """Refuse an inclusion beside a block by more than its radius, which would not be felt."""
+    size_m, origin_m = study.body.size_m, study.body.origin_m
+    if size_m is None:
+        return
+    for number, spot in enumerate(spots):
+        for axis, key in enumerate(("x_m", "y_m", "z_m")):
+            place, low = getattr(spot, key), origin_m[axis]
+            high = low + size_m[axis]
+            if not low - spot.radius_m <= place <= high + spot.radius_m:
+                raise InputError(
+                    f"{path}, key inclusions.{number}.{key}: found {place:g} m, expected {low:g} "
+                    f"to {high:g} m, inside the body in the scan's frame; correct the place"
+                )
+
+
+def law_of(kind: str, coefficient: float) -> HyperelasticLaw:
+    """Return the law of a kind that a file names."""
+    from fem.finite_strain import Fung, NeoHookean, Yeoh
+
+    laws = {"neo-hookean": lambda _: NeoHookean(), "yeoh": Yeoh, "fung": Fung}
+    return laws[kind](coefficient)
+
+
+def kind_of_law(law: HyperelasticLaw) -> str:
+    """Return the kind of a law, as a file names it."""
+    return {"NeoHookean": "neo-hookean", "Yeoh": "yeoh", "Fung": "fung"}[type(law).__name__]

@@ -185,7 +185,7 @@ def program_plan(
     shape = surface or BodySurface.block(size)  # pyright: ignore[reportArgumentType]
     points = np.column_stack([program.x_m, program.y_m, program.z_m])
     above = np.isnan(program.z_m)
-    points[above] = shape.top(points[above, :2])
+    points[above, 2] = shape.top(points[above, :2])[:, 2]
     _refuse_beside(points, shape)
     footing = shape.footing(points, program.radius_m)
     points = np.where(above[:, None], points, footing.points_m)

@@ -105,6 +105,10 @@ def test_the_robot_refuses_a_tip_over_the_edge():
     one = grid_program(per_side=2)
     with pytest.raises(InputError, match=r"Press 0 .* hangs over the edge"):
         program_plan(replace(one, x_m=one.x_m - 0.009), SIZE)
+    with pytest.raises(
+        InputError, match=r"Press 0 .* at x_m -0\.\d+, y_m 0\.\d+: there is no body"
+    ):
+        program_plan(replace(one, x_m=one.x_m - 0.5), SIZE)
 
 
 def test_the_robot_presses_each_row_with_its_own_force_and_pace(tmp_path):

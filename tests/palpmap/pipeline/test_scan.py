@@ -1,9 +1,11 @@
 """A small scan by the command: seeds, and folders with a space in their name."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from fem.finite_strain import Fung
 from models.scan_file import read_scan
 from palpmap.commands.scan import _truth
 from palpmap.commands.scan_truth import write_truth
@@ -13,7 +15,7 @@ from palpmap.result.scan_record import ScanRecord
 from palpmap.run_folder import sha256
 from palpmap.study.press_plan import grid_plan_of
 from palpmap.study.virtual_lab import default_study
-from sim.body import HiddenBody, Inclusion, TruthMap
+from sim.body import Creep, HiddenBody, Inclusion, TruthMap
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")
 
@@ -84,6 +86,9 @@ def test_the_truth_of_an_earlier_scan_is_pressed_again(tmp_path):
     drawn = _truth("random", study, plan, 7)
     write_truth(tmp_path, HiddenBody(truth=drawn.map), ())
     assert _truth(str(said), study, plan, 0) == drawn
+    creeping = replace(drawn, law=Fung(2.0), creep=Creep((0.2, 0.1), (0.5, 5.0)), sticking=False)
+    write_truth(tmp_path, HiddenBody(truth=drawn.map), (), creeping)
+    assert _truth(str(said), study, plan, 0) == creeping
     extra = Inclusion(5000.0, (0.06, 0.03, 0.034), 0.008)
     hidden = {"name": "extra_inclusion", "category": "structured", "values": {"weight_pa": 5e3}}
     both = TruthMap(drawn.map.background_pa, (*drawn.map.inclusions, extra))

@@ -10,6 +10,7 @@ import pyvista
 import palpmap as pm
 from models import InputError
 from palpmap.commands.check import check_study
+from palpmap.commands.scan_truth import truth_of_scan
 from palpmap.study.study import load_study
 from palpmap.study.truth_file import read_truth
 from tests.palpmap.test_free_map_study import study
@@ -88,4 +89,20 @@ def test_a_true_body_has_the_moduli_of_its_regions(tmp_path):
     assert json.loads(json.dumps(found.record()))["regions_pa"] == {"7": 24000}
     truth.write_text(truth.read_text().replace("7 =", "5 ="), encoding="utf-8")
     with pytest.raises(InputError, match=r"found the label 5, expected labels of .*: 3, 7"):
+        read_truth(truth, known)
+
+
+def test_regions_of_an_earlier_scan_are_not_dropped_in_silence(tmp_path):
+    said = {"background_pa": 6e3, "inclusions": [], "regions_pa": {"7": 2.4e4}}
+    (tmp_path / "truth.json").write_text(json.dumps({"schema": 1, "body": said}))
+    with pytest.raises(InputError, match=r"key body.regions_pa: .* give the TOML file"):
+        truth_of_scan(tmp_path / "truth.json")
+
+
+def test_a_true_inclusion_beside_the_body_is_refused(tmp_path):
+    known = load_study(study(tmp_path, "inclusions = 1"))
+    truth = tmp_path / "truth.toml"
+    spot = "weight_pa = 9e3\nx_m = 0.03\ny_m = 30.0\nz_m = 0.02\nradius_m = 0.01\n"
+    truth.write_text(f"background_pa = 6000\n[[inclusions]]\n{spot}", encoding="utf-8")
+    with pytest.raises(InputError, match=r"key inclusions.0.y_m: found 30 m, expected 0 to 0.06 m"):
         read_truth(truth, known)

@@ -30,7 +30,12 @@ def export(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="File.", show_default="map.* in the run folder"),
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="File.",
+            show_default="map.*, map_grid.vti in the run folder",
+        ),
     ] = None,
     quiet: Quiet = False,
     json: Json = False,

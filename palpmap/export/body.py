@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from fem import Mesh, PalpationModel
+from identify.body import ChangedMap
+from palpmap.result.finding import changed_map
 from palpmap.results import Run
+from palpmap.units import is_of_map
 
 GRID_CELLS = 48  # along the longest edge
 LEAST = 0.01  # of the background: a soft inclusion's sum may come out at or below zero
@@ -54,7 +58,12 @@ class ExportedBody:
     def modulus(self, points_m: np.ndarray) -> np.ndarray:
         """Young's modulus (p,) in Pa at points (p, 3) of the body's frame; never below `LEAST`."""
         least = LEAST * self.run.fit.map.background_pa
-        return np.maximum(self.run.fit.map.modulus(points_m), least)
+        return np.maximum(self._map[0].modulus(points_m), least)
+
+    @cached_property
+    def _map(self) -> tuple[ChangedMap, tuple[str, ...]]:
+        """The map as its effects have changed it (an edge, a gradient), and the names of these."""
+        return changed_map(self.run.fit, self.mesh.box_m)
 
     @property
     def cell_modulus(self) -> np.ndarray:
@@ -79,7 +88,10 @@ class ExportedBody:
     def left_out(self) -> list[str]:
         """Sentences about what an export as an elastic body does not hold."""
         study, said = self.run.experiment.study, []
-        effects = [entry.name for entry in study.effects]
+        of_fit = (
+            name.rpartition(".")[0] for name in self.run.fit.parameters if not is_of_map(name)
+        )
+        effects = [name for name in dict.fromkeys(of_fit) if name not in self._map[1]]
         if effects:
             said.append(f"Map and body are exported, and of the model not: {', '.join(effects)}.")
         if study.body.support != "base-bonded":

@@ -14,6 +14,7 @@ from palpmap.results import Run
 WRITERS = {"vtu": write_vtu, "vti": write_vti, "febio": write_febio, "csv": write_csv}
 ENDINGS = {"vtu": ".vtu", "vti": ".vti", "febio": ".feb", "mujoco": ".xml", "csv": ".csv"}
 FORMS = tuple(ENDINGS)
+DEFAULT_NAMES = {"vti": "map_grid"}  # map.vti is a free map's own, with its band
 
 
 def export_run(run: Run, form: str, path: Path | None = None) -> tuple[Path, list[str]]:
@@ -23,7 +24,8 @@ def export_run(run: Run, form: str, path: Path | None = None) -> tuple[Path, lis
     ----------
     run : with a fit, see `palpmap.api.read_run`
     form : one of `FORMS`
-    path : file to write; by default `map` in the run's folder with the form's ending
+    path : file to write; by default `map` in the run's folder with the form's ending, see
+        `DEFAULT_NAMES`
 
     Returns
     -------
@@ -36,7 +38,7 @@ def export_run(run: Run, form: str, path: Path | None = None) -> tuple[Path, lis
         A wrong ending, or a file that cannot be written.
     """
     ending = ENDINGS[form]
-    path = path or run.folder / f"map{ending}"
+    path = path or run.folder / f"{DEFAULT_NAMES.get(form, 'map')}{ending}"
     if path.suffix.lower() != ending:
         raise InputError(f"{path}: expected a file that ends in {ending} for --to {form}")
     body = ExportedBody.of(run)

@@ -2,6 +2,7 @@
 
 import json
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -10,8 +11,11 @@ import pyvista
 from typer.testing import CliRunner
 
 import palpmap as pm
+from identify.fit import Estimate
+from identify.map.gaussian_map import GAUSSIAN
 from palpmap.__main__ import app
 from palpmap.export import export_run, load_mujoco
+from palpmap.export.body import ExportedBody
 from tests.paths import LAB, ROOT
 
 RUN = ROOT / "tests" / "data" / "twelve_presses"
@@ -39,6 +43,27 @@ def test_paraview_shows_the_map_at_its_places(run, tmp_path):
     size = run.experiment.study.body.size_m
     np.testing.assert_allclose(np.ptp(grid.points, axis=0), size, rtol=1e-6)
     assert mesh.volume == pytest.approx(np.prod(size), rel=1e-6)
+
+
+def test_the_map_of_an_export_is_that_of_the_report(run, tmp_path):
+    edge = Estimate(0.8, 0.1, "1", 0.6, 1.0, free=True)
+    drift = Estimate(0.01, 0.001, "N", 0.0, 0.02, free=True)
+    named = {"inclusion_edge.edge": edge, "force_bias.bias_n": drift}
+    fit = replace(run.fit, estimates={**run.fit.parameters, **named})
+    path, said = export_run(replace(run, fit=fit), "febio", tmp_path / "body.feb")
+    assert said == ["Map and body are exported, and of the model not: force_bias."]
+    found = np.array([e.text for e in ET.parse(path).find("MeshData/ElementData")], float)
+    body = ExportedBody.of(run)
+    middle = body.mesh.nodes[body.mesh.cells[:, :4]].mean(axis=1)
+    shape = replace(GAUSSIAN, edge=0.8)
+    np.testing.assert_allclose(found, run.fit.map.modulus(middle, shape), rtol=1e-6)
+    assert np.abs(found / run.fit.map.modulus(middle) - 1).max() > 0.1
+
+
+def test_an_export_leaves_the_volume_of_a_free_map_alone(run, tmp_path):
+    there = replace(run, folder=tmp_path)
+    assert export_run(there, "vti")[0] == tmp_path / "map_grid.vti"
+    assert export_run(there, "csv")[0] == tmp_path / "map.csv"
 
 
 def test_febio_gets_an_element_with_its_modulus_for_each_cell(run, tmp_path):

@@ -32,8 +32,8 @@ from identify.design.settings import PLAN, PlanSettings
 from identify.fit.result import FitResult
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
+from identify.measurement.places import Places, shared_places
 from identify.optimize.result import InadmissibleError
-from identify.residual.own_errors import Places, shared_places
 
 Pair = tuple[str, str]
 

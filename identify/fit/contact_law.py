@@ -22,12 +22,18 @@ import numpy as np
 from identify.effects.base import Effect
 from identify.fit.contact_law_sets import (
     Set,
+    causes,
+    contained,
     criterion_of,
     fit_set,
+    is_calm,
+    is_no_law,
     leading_sets,
     misfit_scale,
+    one_of_contact,
     search_sets,
     sharpened,
+    simplest_forms,
     split_sets,
     step_words,
     well_spread_presses,
@@ -97,7 +103,7 @@ class ContactLaw:
         moved = {key: [0.0] for key in self.found.values[name]}
         for names, fit in self.fits.items():
             other = set(names) ^ set(self.names)
-            if name in names and fit.misfit < most and _one_of_contact((fit, self.found), other):
+            if name in names and fit.misfit < most and one_of_contact((fit, self.found), other):
                 for key, value in self.found.values[name].items():
                     moved[key].append(fit.values[name][key] - value)
         return {key: (min(shifts), max(shifts)) for key, shifts in moved.items()}
@@ -113,9 +119,15 @@ class ContactLaw:
             if len(names) != len(self.names) or not rest <= set(names) or other == {name}:
                 continue
             (alone,) = other
-            if self.criterion(fit) < best + slack and name not in _contained(fit, alone):
+            as_good = self.criterion(fit) < best + slack and not self._refutes(fit)
+            if as_good and name not in contained(fit, alone):
                 near.append((alone, fit))
         return sorted(near, key=lambda pair: self.criterion(pair[1]))
+
+    def _refutes(self, fit: FreeComplianceFit) -> bool:
+        """Return True where presses of one place are alike under the law found, not under a fit."""
+        slack = max(self.settings.margin, self.settings.equal * self._excess)
+        return self.found.is_of_places and fit.total > self.found.total + slack
 
     def splits(self, name: str) -> list[tuple[Set, FreeComplianceFit]]:
         """Pairs of effects in the place of one that do as well with no more numbers, best first."""
@@ -128,6 +140,7 @@ class ContactLaw:
             if len(names) == len(self.names) + 1 and rest < set(names)
             and own.family in names and name not in names
             and fit.unknowns <= self.found.unknowns and self.criterion(fit) < most
+            and not self._refutes(fit)
         ]  # fmt: skip
         return sorted(pairs, key=lambda pair: self.criterion(pair[1]))
 
@@ -171,15 +184,16 @@ def contact_law(
     if best.noise_share >= settings.noise_share:
         own = set(best.names) - set(plain.names)
         fitted([n for n in trials if n not in fits
-                and _one_of_contact((trials[n], best), own ^ set(n))])  # fmt: skip
+                and one_of_contact((trials[n], best), own ^ set(n))])  # fmt: skip
     best = _best(plain, fits, settings)
     if best is plain or best.noise_share >= settings.noise_share:
-        two = split_sets(presses, plain, best, catalogue, say, settings)
-        return ContactLaw(plain, best, {**two, **fits}, settings, None, ranked)
+        fits = {**split_sets(presses, plain, best, catalogue, say, settings), **fits}
+        best, fits = _told_by_places(presses, plain, best, fits, settings)
+        return ContactLaw(plain, best, fits, settings, None, ranked)
     law = ContactLaw(plain, plain, fits, settings, None, ranked)
     # Where presses have laws of their own, a form of several numbers follows their differences
     found = best.parts[len(stated) :]
-    if (simple := _simplest_forms(presses, found, catalogue)) and (
+    if (simple := simplest_forms(presses, found, catalogue)) and (
         fit := fit_set(presses, plain, simple)
     ):
         fits[fit.names[len(stated) :]] = fit
@@ -189,10 +203,29 @@ def contact_law(
     return replace(law, partial=best) if share > settings.most_of else law
 
 
-def _one_of_contact(fits: Sequence[FreeComplianceFit], names: set[str]) -> bool:
-    """Whether the names are one, of an effect of the contact."""
-    parts = [p for fit in fits for p in fit.parts if p.effect.name in names]
-    return len(names) == 1 and all("contact" in p.effect.hooks for p in parts)
+def _told_by_places(
+    presses: FreeCompliance,
+    plain: FreeComplianceFit,
+    best: FreeComplianceFit,
+    fits: Mapping[Set, FreeComplianceFit],
+    settings: ContactLawSettings,
+) -> tuple[FreeComplianceFit, dict[Set, FreeComplianceFit]]:
+    """Compare the presses of each place under the laws that do as well for the curves.
+
+    A place has one compliance. Presses that have it under one law refute the laws without it.
+    """
+    slack = max(settings.margin, settings.equal * max(plain.misfit - plain.dof, 0.0))
+    told = {
+        names: presses.compared(fit)
+        for names, fit in fits.items()
+        if best.names != plain.names and fit.misfit < best.misfit + slack
+    }
+    best = next((fit for fit in told.values() if fit.names == best.names), best)
+    alike = [f for f in told.values() if len(f.names) == len(best.names) and f.is_of_places]
+    first = min(alike, key=lambda fit: fit.total, default=best)
+    if not best.is_of_places and first.total < best.total - slack:
+        best = first
+    return best, {**fits, **told}
 
 
 def _near(
@@ -217,7 +250,7 @@ def _near(
             waiting.append(sets[0])
             continue
         most = criterion_of(top, scale) + max(settings.margin, settings.near * excess)
-        if _is_no_law(top, settings):  # nor are its equals
+        if is_no_law(top, settings):  # nor are its equals
             most = -np.inf
             waiting += sets[: settings.refitted_partial]
         close = [n for n in sets[: settings.refitted] if criterion_of(fits[n], scale) < most]
@@ -260,17 +293,6 @@ def _best(
     return best
 
 
-def _simplest_forms(
-    presses: FreeCompliance, parts: Sequence[EffectInModel], catalogue: Sequence[Effect]
-) -> list[EffectInModel]:
-    """Return the first forms of the causes of some effects; empty where these are they."""
-    known = {effect.name: effect for effect in catalogue}
-    first = [known.get(part.effect.family, part.effect) for part in parts]
-    if [effect.name for effect in first] == [part.effect.name for part in parts]:
-        return []
-    return [presses.begun(effect, {}) for effect in first]
-
-
 def _simplest(
     top: FreeComplianceFit,
     sets: Sequence[FreeComplianceFit],
@@ -287,11 +309,11 @@ def _simplest(
     alike = [
         fit
         for fit in sets
-        if _causes(fit) == _causes(top)
+        if causes(fit) == causes(top)
         and fit.misfit <= top.misfit + slack
         and fit.noise_share >= least
     ]
-    calm = [fit for fit in alike if _is_calm(fit, settings)]
+    calm = [fit for fit in alike if is_calm(fit, settings)]
     return min(calm or alike, key=lambda fit: (fit.unknowns, fit.misfit))
 
 
@@ -309,7 +331,7 @@ def _textbook(
     and the textbook law does not, the laws do not err.
     """
     free = {p.effect.name for p in top.parts if p.effect.name != p.effect.family}
-    causes = set(_causes(top))
+    known = set(causes(top))
     if not free:
         return []
     most = top.misfit + settings.unsure * max(plain.misfit - plain.dof, 0.0)
@@ -319,31 +341,12 @@ def _textbook(
         if (
             len(new) == 1
             and new[0].name == new[0].family
-            and new[0].family not in causes
+            and new[0].family not in known
             and set(top.names) - set(fit.names) <= free
             and fit.unknowns < top.unknowns
             and fit.misfit <= most
             and fit.noise_share >= top.noise_share - settings.fewer
-            and (_is_calm(fit, settings) or not _is_calm(top, settings))
+            and (is_calm(fit, settings) or not is_calm(top, settings))
         ):
             near.append(fit)
     return near
-
-
-def _is_calm(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
-    """Return True for a fit that leaves noise alone."""
-    return fit.misfit < fit.dof + settings.noise_sd * np.sqrt(2 * fit.dof)
-
-
-def _causes(fit: FreeComplianceFit) -> list[str]:
-    return sorted(part.effect.family for part in fit.parts)
-
-
-def _is_no_law(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
-    """Whether so few of a sample of presses are noise that the law cannot be that of all."""
-    least = settings.noise_share
-    return fit.noise_share < least - 3 * np.sqrt(least * (1 - least) / max(fit.felt.sum(), 1))
-
-
-def _contained(fit: FreeComplianceFit, name: str) -> tuple[str, ...]:
-    return next(p.effect.contains for p in fit.parts if p.effect.name == name)

@@ -310,3 +310,41 @@ def misfit_scale(fits) -> float:
 def criterion_of(fit: FreeComplianceFit, scale: float) -> float:
     """Misfit in units of a scale, and the price of the parameters."""
     return fit.misfit / scale + fit.unknowns * float(np.log(len(fit.residual)))
+
+
+def is_calm(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
+    """Return True for a fit that leaves noise alone."""
+    return fit.misfit < fit.dof + settings.noise_sd * np.sqrt(2 * fit.dof)
+
+
+def causes(fit: FreeComplianceFit) -> list[str]:
+    """Return the families of the effects, sorted."""
+    return sorted(part.effect.family for part in fit.parts)
+
+
+def is_no_law(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
+    """Whether so few of a sample of presses are noise that the law cannot be that of all."""
+    least = settings.noise_share
+    return fit.noise_share < least - 3 * np.sqrt(least * (1 - least) / max(fit.felt.sum(), 1))
+
+
+def contained(fit: FreeComplianceFit, name: str) -> tuple[str, ...]:
+    """Return the effects that are special cases of one of a fit."""
+    return next(p.effect.contains for p in fit.parts if p.effect.name == name)
+
+
+def simplest_forms(
+    presses: FreeCompliance, parts: Sequence[EffectInModel], catalogue: Sequence[Effect]
+) -> list[EffectInModel]:
+    """Return the first forms of the causes of some effects; empty where these are they."""
+    known = {effect.name: effect for effect in catalogue}
+    first = [known.get(part.effect.family, part.effect) for part in parts]
+    if [effect.name for effect in first] == [part.effect.name for part in parts]:
+        return []
+    return [presses.begun(effect, {}) for effect in first]
+
+
+def one_of_contact(fits: Sequence[FreeComplianceFit], names: set[str]) -> bool:
+    """Return True where the names are one, of an effect of the contact."""
+    parts = [p for fit in fits for p in fit.parts if p.effect.name in names]
+    return len(names) == 1 and all("contact" in p.effect.hooks for p in parts)

@@ -32,6 +32,7 @@ from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.judge import Judged, judge
 from identify.measurement.kept_slope import KeptSlope
 from identify.measurement.noise import Noise
+from identify.measurement.places import numbered, places_of
 from identify.measurement.shared_error import decorrelated, lag_error_m
 from identify.measurement.traced_chain import TracedChain
 from identify.optimize.gauss_newton import minimize_gauss_newton
@@ -110,7 +111,7 @@ class FreeCompliance:
         r = self.readings
         travel = np.bincount(r.press, r.force_n * self.displacement_m, r.presses)
         least = self.settings.felt * self.noise.force_n
-        felt = (r.peak_force_n[_firsts(r.press)] > least) & (travel > 0)
+        felt = (r.peak_force_n[r.first] > least) & (travel > 0)
         return felt if felt.any() else np.ones_like(felt)
 
     def fit(
@@ -152,6 +153,33 @@ class FreeCompliance:
         c, e = np.exp(log_c), np.exp(log_e)
         judged = judge(chain, c, e, self.displacement_m, self.noise, found.values)
         return self._white(judged, judged.residual_m)
+
+    def compared(self, found: FreeComplianceFit) -> FreeComplianceFit:
+        """Return a fit with the chi-square by which presses of one place differ in compliance.
+
+        The effects' parameters move towards equal compliances as far as the curves let them.
+        """
+        place = numbered(places_of(self.readings))
+        weight = found.weight
+        if not (again := int(np.sum(weight > 0)) - len(np.unique(place[weight > 0]))):
+            return found
+        u = np.concatenate([np.empty(0), *(part.to_scaled() for part in found.parts)])
+        chain = self.chain([part.effect for part in found.parts])
+        log_c, judged, columns, follow = self._eliminate(
+            chain, found.parts, u, found.values, np.log(found.compliance)
+        )
+        c, press = np.exp(log_c), self.readings.press
+        at = OperatingPoint(c, e := self.unit_compliance / c, judged.latent_force_n, found.values)
+        own = self._white(judged, chain.by_log_compliance(at))
+        weight = weight * np.bincount(press, own**2, len(c))
+        moved = np.column_stack([np.log(e), -follow])  # a body of one modulus has one at a place
+        total = np.column_stack([np.bincount(place, weight * column) for column in moved.T])
+        mean = total / np.maximum(np.bincount(place, weight), 1e-30)[:, None]
+        rows = np.sqrt(weight)[:, None] * (moved - mean[place])
+        left = np.vstack([rows[:, 1:], columns])
+        short = np.concatenate([rows[:, 0], np.zeros(len(columns))])
+        step = np.linalg.lstsq(left, short, rcond=None)[0]
+        return replace(found, between=float(np.sum((short - left @ step) ** 2)), again=again)
 
     def _fit(
         self, parts: Sequence[EffectInModel], compliance: np.ndarray | None, weight: np.ndarray
@@ -306,11 +334,6 @@ def _in_logarithms(short: np.ndarray, travel: np.ndarray) -> np.ndarray:
     power = (travel > 0) & (modelled > 0)
     ratio = np.divide(travel, modelled, out=np.ones_like(travel), where=power)
     return np.where(power, modelled * np.log(ratio), short)
-
-
-def _firsts(press: np.ndarray) -> np.ndarray:
-    """Return the first reading (j,) of each press."""
-    return np.unique(press, return_index=True)[1]
 
 
 def _at_bound(parts: Sequence[EffectInModel], values: Mapping[str, Values]) -> tuple[str, ...]:

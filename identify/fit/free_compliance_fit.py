@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtrc, chdtri
 
 from identify.effects.base import Values
 from identify.effects.readings import Readings
 from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
 from identify.measurement.effect_in_model import EffectInModel
+
+_SURE = 1e-3  # p-value below which presses of one place differ
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class FreeComplianceFit:
     settings : of the fit
     on_any_body : (j,) least chi-square of each press on a body of any kind, see
         `identify.fit.free_compliance_start.on_any_body`; None where it was not asked for
+    between, again : chi-square by which the compliances of presses of one place differ, and its
+        degrees of freedom; 0 where no place is pressed again, or that was not asked for
     """
 
     parts: tuple[EffectInModel, ...]
@@ -49,6 +53,8 @@ class FreeComplianceFit:
     felt: np.ndarray
     settings: FreeComplianceSettings = FREE_COMPLIANCE
     on_any_body: np.ndarray | None = None
+    between: float = 0.0
+    again: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -119,6 +125,16 @@ class FreeComplianceFit:
         squares, count = self.by_press
         most = self.settings.tail * np.maximum(count, 1)
         return float(np.sum((most * np.log1p(squares / most))[self.felt]))
+
+    @property
+    def total(self) -> float:
+        """Misfit of the curves and of places that are pressed again."""
+        return self.misfit + self.between
+
+    @property
+    def is_of_places(self) -> bool:
+        """True where presses of one place have one compliance, to the noise."""
+        return self.again > 0 and float(chdtrc(self.again, self.between)) > _SURE
 
     @property
     def noise_share(self) -> float:

@@ -1,4 +1,4 @@
-"""Errors of a fit's map at its presses, and the presses of another scan at the same places."""
+"""Errors of a fit's map at its presses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from identify.fit.free_map.field_data import PressSums
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 
-SAME_PLACE, SAME_DIRECTION = 0.2, 0.97  # tip radii; cosine: a press at the same place
 ROUNDS, LONGEST = 4, 0.5  # of the search for each press's own ln C, and its longest step
 
 
@@ -53,24 +52,3 @@ def own_errors(
         at = model.around(there.body, u, np.exp(change))
     sums = PressSums.of(model, at)
     return OwnErrors(change, sums.errors(change)[1], sums)
-
-
-class Places(NamedTuple):
-    """Contact points and unit directions (j, 3) of presses, and radii (j,) of their tips, in m."""
-
-    point_m: np.ndarray
-    direction: np.ndarray
-    radius_m: np.ndarray
-
-
-def shared_places(fitted: Places, predicted: Places) -> np.ndarray:
-    """Return the matrix (n, j) of ones where a predicted press stands where a fitted one stood."""
-    apart = np.linalg.norm(predicted.point_m[:, None] - fitted.point_m[None], axis=2)
-    turned = predicted.direction @ fitted.direction.T
-    same = (apart < SAME_PLACE * predicted.radius_m[:, None]) & (turned > SAME_DIRECTION)
-    same &= np.isclose(predicted.radius_m[:, None], fitted.radius_m, rtol=1e-3)
-    nearest = np.where(same, apart, np.inf).argmin(axis=1)
-    found = np.zeros_like(apart)
-    each = np.arange(len(apart))
-    found[each, nearest] = same[each, nearest]
-    return found

@@ -36,10 +36,11 @@ from identify.measurement.experiment import PlacedExperiment
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
+from identify.measurement.places import Places, shared_places
 from identify.measurement.shared_error import lag_error_m
 from identify.residual.fitted_model import carried_as, fitted_model, unit_compliance
 from identify.residual.law_error import laws_off, middle_depth_m
-from identify.residual.own_errors import OwnErrors, Places, map_error, own_errors, shared_places
+from identify.residual.own_errors import OwnErrors, map_error, own_errors
 from models import Catalogue, Scan
 
 LEVEL = 0.01  # of the test

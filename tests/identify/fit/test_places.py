@@ -1,0 +1,115 @@
+"""Places that are pressed again: one compliance each, under the right law of contact alone."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identify.catalogue.catalogue import CATALOGUE
+from identify.fit.contact_law import ContactLaw, _told_by_places, contact_law
+from identify.fit.free_compliance import FreeCompliance
+from identify.fit.free_compliance_fit import FreeComplianceFit
+from identify.fit.settings import CONTACT_LAW
+from identify.measurement.places import Places, numbered, places_of
+from tests.identify.fit.test_contact_law import PRESSES, ball, flat
+
+PLACES = PRESSES // 2
+OFFSET_M = 2e-4
+
+
+def again(own: FreeCompliance) -> FreeCompliance:
+    """Return the presses with the second half of them at the places of the first."""
+    point = own.readings.point_m[own.readings.first]
+    point[PLACES:] = point[:PLACES]
+    readings = replace(own.readings, point_m=point[own.readings.press])
+    return replace(own, readings=readings, contacts=replace(own.contacts, points_m=point))
+
+
+def two_depths(travel, force):
+    """Press every place to its full depth and to a third, its touch found late."""
+    half = slice(PLACES, None)
+    force[half] = force[:PLACES]
+    travel[half] = travel[:PLACES]
+    share = np.where(np.arange(PRESSES) < PLACES, 1.0, 1 / 3)[:, None]
+    return share * travel - OFFSET_M, share * force
+
+
+def fit_of(presses: FreeCompliance, *names: str) -> FreeComplianceFit:
+    return presses.compared(presses.fit([presses.begun(CATALOGUE[name], {}) for name in names]))
+
+
+def test_a_place_has_one_compliance_under_the_right_law_alone():
+    presses = again(flat(1, two_depths))
+    right, plain = fit_of(presses, "contact_offset"), fit_of(presses)
+    assert right.again == plain.again == PLACES
+    assert right.is_of_places
+    assert 0.2 * PLACES < right.between < 2.5 * PLACES
+    assert not plain.is_of_places
+    assert right.total == right.misfit + right.between
+
+
+def test_presses_that_were_weighted_down_say_nothing_of_their_places():
+    def slipped(travel, force):
+        travel, force = two_depths(travel, force)
+        travel[-1] *= 1.5 + (-1.0) ** np.arange(travel.shape[1])
+        return travel, force
+
+    presses = again(flat(1, slipped))
+    found = fit_of(presses, "contact_offset")
+    assert found.is_of_places
+    light = presses.compared(replace(found, felt=np.ones(PRESSES), residual=0 * found.residual))
+    assert not light.is_of_places
+
+
+def test_without_places_that_are_pressed_again_nothing_is_compared():
+    found = fit_of(flat(1))
+    assert (found.between, found.again) == (0.0, 0)
+    assert not found.is_of_places
+
+
+def test_a_place_is_one_point_direction_and_tip():
+    point = np.zeros((4, 3))
+    point[1, 0] = 1e-5
+    turned = [[0, 0, -1], [0, 0, -1], [0, 0.6, -0.8], [0, 0, -1]]
+    places = Places(point, np.array(turned), np.array([4e-3, 4e-3, 4e-3, 2e-3]))
+    assert numbered(places).tolist() == [0, 0, 1, 2]
+    assert len(set(numbered(places_of(again(flat(1)).readings)))) == PLACES
+
+
+@pytest.fixture(scope="module")
+def law() -> ContactLaw:
+    return contact_law(ball(0, threshold_n=0.05), CATALOGUE)
+
+
+@pytest.mark.parametrize(
+    ("found", "other", "kept"),
+    [
+        (10.0, 12.0, True),
+        (10.0, 1e4, False),
+        (90.0, 1e4, True),  # places that differ under the law found as well say nothing
+    ],
+)
+def test_places_that_differ_under_another_law_refute_it(law, found, other, kept):
+    late = next(name for name in law.names if law.candidates(name))
+    told = replace(
+        law,
+        found=replace(law.found, between=found, again=12),
+        fits={n: replace(fit, between=other, again=12) for n, fit in law.fits.items()},
+    )
+    assert bool(told.candidates(late)) == kept
+
+
+@pytest.mark.parametrize(("between", "first"), [(1e4, "other"), (10.0, "best")])
+def test_a_law_under_which_places_differ_gives_way_to_one_that_does_as_well(law, between, first):
+    late = next(name for name in law.names if law.candidates(name))
+    other, best = law.candidates(late)[0][1], law.found
+    names = {best.names: between, other.names: 8.0}
+    presses: Any = SimpleNamespace(
+        compared=lambda fit: replace(fit, between=names.get(fit.names, 1e4), again=12)
+    )
+    chosen, fits = _told_by_places(presses, law.plain, best, law.fits, CONTACT_LAW)
+    assert chosen.names == {"other": other, "best": best}[first].names
+    assert chosen.again == 12
+    assert set(fits) == set(law.fits)

@@ -8,11 +8,11 @@ the second candidate have been refitted to present and planned readings together
 
 in units of chi-square, less the part of the present scan. Beside a free map the unknowns are ln C
 of each planned press and the effects, with their covariance by the present scan. Laws of contact
-are told by the presses alone: C of a planned press is unknown then, whatever the map. Of the two
-orders of a pair the smaller D counts. Where the present scan has told the two apart by less than
-one of them being right would have, D is taken in that proportion. A refit follows the bent valley
-of the map's weight and depth, with a smaller residual than this straight step: D may be promised
-up to twice too large.
+are told by the presses alone: the unknowns are then ln C of each place, present and planned, and
+the effects. Of the two orders of a pair the smaller D counts. Where the present scan has told the
+two apart by less than one of them being right would have, D is taken in that proportion. A refit
+follows the bent valley of the map's weight and depth, with a smaller residual than this straight
+step: D may be promised up to twice too large.
 
 A design with a larger D than needed is reduced to the presses with the largest parts of
 |P (r_A - r_B)|^2, as few as still reach the aim (`PlanSettings.aim`).
@@ -29,10 +29,11 @@ from identify.body.mechanics import BodyMechanics
 from identify.design.predicted_limits import planned
 from identify.design.scan_variants import Design, Presses, presses_of
 from identify.design.settings import PLAN, PlanSettings
+from identify.effects.readings import Readings
 from identify.fit.result import FitResult
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
-from identify.measurement.places import Places, shared_places
+from identify.measurement.places import Places, numbered, places_of, shared_places
 from identify.optimize.result import InadmissibleError
 
 Pair = tuple[str, str]
@@ -77,7 +78,7 @@ def next_presses(
     ----------
     candidates : effects by name with their joint fits to the present scan
     designs : planned scans
-    alone : chi-square of the presses under each candidate, each press with a compliance of its own,
+    alone : chi-square of the presses under each candidate, each place with a compliance of its own,
         where these tell the candidates apart; None: beside the map
     """
     found, present = [], _Present.of(candidates, alone)
@@ -169,8 +170,9 @@ class _Present:
     fits, chi2 : by name
     alone : the presses tell the candidates apart, see `next_presses`
     rows : by (truth, name), derivatives (m, k) of the present readings of the second one, and what
-        the first one predicts otherwise (m,): whitened, and with a compliance of its own for each
-        press taken off but beside a map of inclusions
+        the first one predicts otherwise (m,), whitened. Unknown are map and effects; ln C of each
+        place and the effects, if `alone`; beside a free map the effects, a compliance of its own
+        for each press taken off
     """
 
     fits: Mapping[str, FitResult]
@@ -184,15 +186,20 @@ class _Present:
     ) -> "_Present":
         """Compare the candidates' fits pair by pair."""
         fits = dict(candidates)
+        views = {name: fit.at if alone is None else _alone(fit) for name, fit in fits.items()}
         rows: dict[Pair, tuple[np.ndarray, np.ndarray]] = {}
         for name, fit in fits.items():
-            at, press = fit.at, fit.model.readings.press
+            at, press = views[name], fit.model.readings.press
             others = [truth for truth in fits if truth != name]
-            apart = np.column_stack([fits[o].at.predicted_m - at.predicted_m for o in others])
+            apart = np.column_stack([views[o].predicted_m - at.predicted_m for o in others])
             white, derivatives = at.whitened(apart, press), at.jacobian
-            if alone is not None or fit.field is not None:
-                effects = derivatives[:, len(fit.model.space.free) :]
-                both = _left(_by_press(fit.model, at), np.hstack([effects, white]))
+            effects = derivatives[:, len(fit.model.space.free) :]
+            if alone is not None:
+                place = numbered(places_of(fit.model.readings))
+                derivatives = np.hstack([_by_place(fit.model, at, place), effects])
+            elif fit.field is not None:
+                each = np.arange(fit.model.readings.presses)
+                both = _left(_by_place(fit.model, at, each), np.hstack([effects, white]))
                 derivatives, white = both[:, : effects.shape[1]], both[:, effects.shape[1] :]
             rows |= {
                 (other, name): (derivatives, one)
@@ -214,10 +221,7 @@ class _Present:
         return 1.0 if shown >= square else shown / square
 
     def known(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
-        """Return the scan's rows on the unknowns of the second, were the first one's readings true.
-
-        Of the effects alone, where each press has a compliance of its own.
-        """
+        """Return the scan's rows on the unknowns of the second, if the first one is right."""
         derivatives, apart = self.rows[pair]
         q, root = np.linalg.qr(derivatives)
         return root, q.T @ apart
@@ -240,11 +244,17 @@ class _Planned:
             apart = views[truth][1].predicted_m - there.predicted_m
             white, derivatives = there.whitened(apart, self.press), there.jacobian
             known, target = present.known((truth, name))
-            if alone or fit.field is not None:
-                effects = derivatives[:, len(fit.model.space.free) :]
-                derivatives = np.hstack([_by_press(model, there), effects])
-                known = np.hstack([np.zeros((len(known), len(presses))), known])
-            if fit.field is not None and not alone:
+            effects = derivatives[:, len(fit.model.space.free) :]
+            if alone:
+                made = len(places_of(fit.model.readings).radius_m)
+                place = numbered(_together(fit.model.readings, model.readings))
+                new = place.max() - place[:made].max()
+                of_effects = known.shape[1] - effects.shape[1]
+                known = np.insert(known, [of_effects] * new, 0.0, axis=1)
+                derivatives = np.hstack([_by_place(model, there, place[made:]), effects])
+            elif fit.field is not None:
+                each = np.arange(len(presses))
+                derivatives = np.hstack([_by_place(model, there, each), effects])
                 known, target = _known_of_free_map(fit, presses, there)
             shown = present.borne_out((truth, name))
             self.ordered.append(_Ordered((truth, name), known, target, derivatives, white, shown))
@@ -272,12 +282,24 @@ class _Planned:
         return np.argsort(-parts, kind="stable")
 
 
-def _by_press(model: MeasurementModel, at: Linearised) -> np.ndarray:
-    """Return the whitened derivatives (m, j) of the readings by ln C of each press."""
+def _alone(fit: FitResult) -> Linearised:
+    """Linearise the present readings at a fit's compliances, without the uncertainty of its map."""
+    at, model = fit.at, replace(fit.model, map_uncertainty=None)
+    return model.around(at.body, fit.u, at.compliance / at.body.compliance)
+
+
+def _by_place(model: MeasurementModel, at: Linearised, place: np.ndarray) -> np.ndarray:
+    """Return the whitened derivatives (m, p) by ln C of each place, by the presses' places (j,)."""
     press = model.readings.press
-    columns = np.zeros((len(press), model.readings.presses))
-    columns[np.arange(len(press)), press] = model.by_log_compliance(at)
+    columns = np.zeros((len(press), place.max() + 1))
+    columns[np.arange(len(press)), place[press]] = model.by_log_compliance(at)
     return at.whitened(columns, press)
+
+
+def _together(present: Readings, planned: Readings) -> Places:
+    """Return the places of both scans, the present ones first."""
+    both = places_of(present), places_of(planned)
+    return Places(*(np.concatenate(pair) for pair in zip(*both, strict=True)))
 
 
 def _known_of_free_map(

@@ -188,14 +188,16 @@ def _accepted(
     base = plain if step is None else step.fit.model
     accepted = []
     for name in law.names:
-        candidates = [Candidate(name, law.found.chi2, law.criterion(law.found), fit)]
+        chi2 = law.found.chi2 + law.found.between
+        candidates = [Candidate(name, chi2, law.criterion(law.found), fit)]
         pairs = [(" with ".join(both), alone) for both, alone in law.splits(name)[: settings.pairs]]
         for other, alone in [*law.candidates(name), *pairs]:
             say(f"trying {other}")
             beside = _joint_fit(alone, base, fit, fit.map, settings.refit_evaluations)
             if beside is not None:
                 # As good as the effect found, as far as the laws can be trusted
-                candidates.append(Candidate(other, alone.chi2, candidates[0].criterion, beside))
+                chi2 = alone.chi2 + alone.between
+                candidates.append(Candidate(other, chi2, candidates[0].criterion, beside))
         accepted.append(
             AcceptedEffect(
                 name,

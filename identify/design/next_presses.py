@@ -196,10 +196,12 @@ class _Present:
             effects = derivatives[:, len(fit.model.space.free) :]
             if alone is not None:
                 place = numbered(places_of(fit.model.readings))
-                derivatives = np.hstack([_by_place(fit.model, at, place), effects])
+                own = _by_place(fit.model, at, place, place.max() + 1)
+                derivatives = np.hstack([own, effects])
             elif fit.field is not None:
                 each = np.arange(fit.model.readings.presses)
-                both = _left(_by_place(fit.model, at, each), np.hstack([effects, white]))
+                own = _by_place(fit.model, at, each, len(each))
+                both = _left(own, np.hstack([effects, white]))
                 derivatives, white = both[:, : effects.shape[1]], both[:, effects.shape[1] :]
             rows |= {
                 (other, name): (derivatives, one)
@@ -246,15 +248,15 @@ class _Planned:
             known, target = present.known((truth, name))
             effects = derivatives[:, len(fit.model.space.free) :]
             if alone:
-                made = len(places_of(fit.model.readings).radius_m)
+                made = fit.model.readings.presses
                 place = numbered(_together(fit.model.readings, model.readings))
-                new = place.max() - place[:made].max()
-                of_effects = known.shape[1] - effects.shape[1]
-                known = np.insert(known, [of_effects] * new, 0.0, axis=1)
-                derivatives = np.hstack([_by_place(model, there, place[made:]), effects])
+                places, before = place.max() + 1, place[:made].max() + 1
+                known = np.insert(known, [before] * (places - before), 0.0, axis=1)
+                own = _by_place(model, there, place[made:], places)
+                derivatives = np.hstack([own, effects])
             elif fit.field is not None:
                 each = np.arange(len(presses))
-                derivatives = np.hstack([_by_place(model, there, each), effects])
+                derivatives = np.hstack([_by_place(model, there, each, len(each)), effects])
                 known, target = _known_of_free_map(fit, presses, there)
             shown = present.borne_out((truth, name))
             self.ordered.append(_Ordered((truth, name), known, target, derivatives, white, shown))
@@ -288,10 +290,12 @@ def _alone(fit: FitResult) -> Linearised:
     return model.around(at.body, fit.u, at.compliance / at.body.compliance)
 
 
-def _by_place(model: MeasurementModel, at: Linearised, place: np.ndarray) -> np.ndarray:
+def _by_place(
+    model: MeasurementModel, at: Linearised, place: np.ndarray, places: int
+) -> np.ndarray:
     """Return the whitened derivatives (m, p) by ln C of each place, by the presses' places (j,)."""
     press = model.readings.press
-    columns = np.zeros((len(press), place.max() + 1))
+    columns = np.zeros((len(press), places))
     columns[np.arange(len(press)), place[press]] = model.by_log_compliance(at)
     return at.whitened(columns, press)
 

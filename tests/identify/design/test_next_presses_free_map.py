@@ -10,7 +10,7 @@ import pytest
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
-from identify.design.next_presses import _Planned, _Present
+from identify.design.next_presses import _Planned, _Present, next_presses
 from identify.design.predicted_limits import planned
 from identify.design.scan_variants import (
     Design,
@@ -19,6 +19,7 @@ from identify.design.scan_variants import (
     readings_of,
     variations,
 )
+from identify.design.settings import PLAN
 from identify.effects.base import Values
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_map.field_evidence import Hyper
@@ -170,6 +171,20 @@ def test_presses_alone_are_promised_what_their_own_fits_bring(
     then = misfits(Presses(*map(np.concatenate, both)))
     gained = (then[1] - then[0]) - (now[1] - now[0])
     assert least < gained / promised < 1.05  # another tip's laws bend
+
+
+def test_few_presses_of_a_design_are_planned_where_the_presses_alone_tell(candidates, present):
+    """Some at places that were pressed, and one elsewhere."""
+    elsewhere = present.point_m.copy()
+    elsewhere[3] += [3e-3, 3e-3, 0.0]
+    further = replace(present, point_m=elsewhere, force_n=present.force_n / 3)
+    few = Design("few", "with few presses", further.taken(np.arange(0, 25, 3)))
+    alone = dict(zip(CANDIDATES, misfits(present), strict=True))
+    small = replace(PLAN, needed=0.01, aim=0.02, fewest=2)
+    (proposal,) = next_presses(candidates, [few], None, small, alone)
+    assert proposal.enough
+    assert 2 <= len(proposal.design.presses) < len(few.presses)
+    assert 0.1 < proposal.discrimination < 0.6  # of 0.69 by all nine
 
 
 @pytest.mark.parametrize(

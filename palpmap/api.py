@@ -31,7 +31,7 @@ from identify.residual import predict as predict_scan
 from identify.residual import run_difference
 from identify.select import kind_of_map, refuse_effect, with_effects
 from models import InputError, PressProgram, Scan, read_program, touching
-from palpmap.experiment import Experiment, read_study
+from palpmap.experiment import Experiment, read_study, refuse_other
 from palpmap.prediction_results import MapChange, Prediction
 from palpmap.result.outline import study_outline
 from palpmap.result.records import ExplainRecord
@@ -82,6 +82,7 @@ def fit(
     >>> found.success, found.parameters["background_pa"].unit
     (True, 'Pa')
     """
+    refuse_other(experiment)
     experiment = with_sides(experiment.with_inclusions(inclusions), progress)
     opened = experiment.opened(progress, thin=False)
     progress("fitting the map")
@@ -145,6 +146,7 @@ def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = sile
     >>> found.verdict, found.holds  # the fit has seen these very presses
     ('too wide', True)
     """
+    refuse_other(experiment)
     own = fit.experiment
     scan, notes = placed_on_body_of(own.study, experiment.study, experiment.scan)
     known = scan_noise(scan.used(), **experiment.study.noise.model_dump())

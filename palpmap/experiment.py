@@ -162,6 +162,21 @@ class Experiment:
         return replace(self._open[thin], say=say)
 
 
+def refuse_other(given: object) -> None:
+    """Refuse anything but an experiment, such as the path of its study.
+
+    Raises
+    ------
+    InputError
+        Saying what was found and how to make an experiment.
+    """
+    if not isinstance(given, Experiment):
+        told = (
+            f"read_study({str(given)!r})" if isinstance(given, str | Path) else "read_study(path)"
+        )
+        raise InputError(f"found {given!r}, expected an Experiment: give pm.{told}")
+
+
 def read_study(path: str | Path) -> Experiment:
     """Read a study file and its scan.
 

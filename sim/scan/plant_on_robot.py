@@ -123,6 +123,12 @@ def plant_on_robot(
     """
     if not (wanted or earlier.records):
         return RobotPlant(body, body)
+    for name, size in wanted:
+        if not 0 < size <= 1 and not name.endswith(".py"):
+            raise InputError(
+                f"size of the planted '{name}': found {size:g}, expected a share of the signal or "
+                "of the presses above 0 and up to 1, such as 0.03 for 3 %"
+            )
     for name in (*(name for name, _ in wanted), *(one["name"] for one in earlier.records)):
         if body.solved is not None and name in SOLVED_ANEW:
             raise InputError(

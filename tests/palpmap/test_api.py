@@ -254,3 +254,13 @@ def test_a_free_map_beside_a_thinned_scan_has_the_presses_of_the_inclusions(monk
     ((of_inclusions, of_free_map),) = asked
     assert len(of_inclusions) == 8
     assert np.array_equal(of_free_map, of_inclusions)
+
+
+@pytest.mark.parametrize("given", ["study.toml", None, 3])
+def test_what_is_no_experiment_is_refused_in_a_sentence(given, fitted):
+    calls: tuple[Any, ...] = (
+        pm.fit, pm.diagnose, pm.explain, pm.limits, lambda given: pm.predict(fitted, given)
+    )  # fmt: skip
+    for call in calls:
+        with pytest.raises(pm.InputError, match=r"expected an Experiment: give pm\.read_study"):
+            call(given)

@@ -139,6 +139,9 @@ def test_a_name_that_nothing_has_is_refused_with_the_nearest():
 
 
 def test_a_fault_befalls_a_share_of_the_presses_and_the_same_ones_again():
+    for size in (5, 0.0, -0.1, float("nan")):
+        with pytest.raises(InputError, match=r"0\.03 for 3 %"):
+            planted("hysteresis", size)
     first, again = planted("sensor_frozen", 0.5), planted("sensor_frozen", 0.5)
     assert len(first.records[0]["values"]) == 2
     assert first.records == again.records

@@ -221,8 +221,11 @@ def _told_by_places(
         if best.names != plain.names and fit.misfit < best.misfit + slack
     }
     best = next((fit for fit in told.values() if fit.names == best.names), best)
-    alike = [f for f in told.values() if len(f.names) == len(best.names) and f.is_of_places]
-    first = min(alike, key=lambda fit: fit.total, default=best)
+    first = min(
+        (f for f in told.values() if f.is_of_places
+         and (f.unknowns <= best.unknowns or len(f.names) == len(best.names))),
+        key=lambda fit: fit.total, default=best,
+    )  # fmt: skip
     if not best.is_of_places and first.total < best.total - slack:
         best = first
     return best, {**fits, **told}

@@ -113,3 +113,19 @@ def test_a_law_under_which_places_differ_gives_way_to_one_that_does_as_well(law,
     assert chosen.names == {"other": other, "best": best}[first].names
     assert chosen.again == 12
     assert set(fits) == set(law.fits)
+
+
+@pytest.mark.parametrize(("unknowns", "chosen"), [(2, ("hysteresis", "contact_offset")),
+                                                  (3, ("play",))])  # fmt: skip
+def test_two_effects_of_as_many_numbers_take_the_place_of_one(unknowns, chosen):
+    """Two scans of a dome: play met the curves, and a place was softer in its hard presses."""
+
+    def fit(names, misfit, total, unknowns=2, is_of_places=True) -> Any:
+        return SimpleNamespace(names=names, misfit=misfit, total=total, unknowns=unknowns,
+                               is_of_places=is_of_places, dof=3000)  # fmt: skip
+
+    plain, play = fit((), 6035.0, 6035.0, 0, False), fit(("play",), 2737.0, 2888.0, 2, False)
+    both = fit(("hysteresis", "contact_offset"), 2701.0, 2783.0, unknowns)
+    fits = {one.names: one for one in (play, both)}
+    presses: Any = SimpleNamespace(compared=lambda fit: fit)
+    assert _told_by_places(presses, plain, play, fits, CONTACT_LAW)[0].names == chosen

@@ -124,6 +124,11 @@ class ContactLaw:
                 near.append((alone, fit))
         return sorted(near, key=lambda pair: self.criterion(pair[1]))
 
+    @property
+    def refuted(self) -> tuple[Set, ...]:
+        """Sets that do as well for the curves, under which presses of one place differ."""
+        return tuple(names for names, fit in self.fits.items() if fit.again and self._refutes(fit))
+
     def _refutes(self, fit: FreeComplianceFit) -> bool:
         """Return True where presses of one place are alike under the law found, not under a fit."""
         slack = max(self.settings.margin, self.settings.equal * self._excess)

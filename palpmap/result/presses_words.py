@@ -44,6 +44,8 @@ def presses_record(
         after=_record(law.found, largest),
         share_taken=law.share,
         map_error=problem.model.press_error,
+        again=law.found.again,
+        refuted=law.refuted,
     )
 
 
@@ -123,6 +125,12 @@ def presses_sentences(record: ExplainRecord) -> list[str]:
             for name, others in found.as_good.items()
             if others
         ]
+        if found.refuted:
+            sets = [" with ".join(names) for names in found.refuted]
+            says.append(
+                f"{' and '.join(sets)} {'meets' if len(sets) == 1 else 'meet'} the curves as well, "
+                "but not the places that were pressed again: a place has one compliance."
+            )
     else:
         says.append(
             f"{alone}most of them call for no effect of contact, response or instrument. "

@@ -159,6 +159,10 @@ class PressesAloneRecord(Record):
     after: PressesFitRecord = Field(description="with them")
     share_taken: float = Field(description="share of the excess misfit that they take")
     map_error: float = Field(description="relative error of the map's compliances, 0 if noise")
+    again: int = Field(default=0, description="presses of places that were pressed before")
+    refuted: tuple[tuple[str, ...], ...] = Field(
+        default=(), description="effects that do as well, but for presses of one place"
+    )
 
 
 class FormRecord(Record):

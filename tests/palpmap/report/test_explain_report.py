@@ -40,6 +40,7 @@ from palpmap.result.explain_words import CANDIDATES, UNRELIABLE, _name_notes, ve
 from palpmap.result.finding import Finding, step_finding
 from palpmap.result.next_scan import finer_cells
 from palpmap.result.next_step import next_steps
+from palpmap.result.presses_words import presses_sentences
 from palpmap.result.records import (
     ExplainRecord,
     NextPressesRecord,
@@ -406,6 +407,11 @@ def test_a_block_that_stands_in_for_a_curved_body_gives_way_to_its_contacts(told
         record = told.record.changed(presses_alone=alone.changed(map_error=map_error))
         return next_steps(record, explained, replace(told.problem, study=changed), tmp_path)[0]
 
+    told_by_places = alone.changed(
+        effects=("play",), again=9, refuted=(("time_lag", "hysteresis"),)
+    )
+    said = " ".join(presses_sentences(told.record.changed(presses_alone=told_by_places)))
+    assert "time_lag with hysteresis meets the curves as well, but not the places" in said
     says = first(0.5, project_points=True, thickness_assumed=True)
     assert says.startswith("Next: Let the body go through the contact points")
     command = re.findall("`(.*?)`", says)[0].split()

@@ -79,9 +79,13 @@ def _is_noise(fit: FitResult, start: StartFit, settings: SelectionSettings) -> b
 
 
 def _equals(law: ContactLaw, settings: SelectionSettings) -> Iterator[ContactLaw]:
-    """Yield laws that do as well for the presses, best first: beside a map one may do better."""
+    """Yield laws that do as well for the presses, best first: beside a map one may do better.
+
+    Also those that places pressed again refute: a further effect would be less credible.
+    """
+    every = replace(law, found=replace(law.found, again=0))
     for name in law.names:
-        for _, fit in [*law.candidates(name), *law.splits(name)][: settings.pairs]:
+        for _, fit in [*every.candidates(name), *every.splits(name)][: settings.pairs]:
             if fit.middle_misfit <= settings.meets_presses:
                 yield replace(law, found=fit)
 

@@ -13,6 +13,8 @@ from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.settings import CONTACT_LAW
 from identify.measurement.places import Places, numbered, places_of
+from identify.select.first_step import _equals
+from identify.select.settings import SELECTION
 from tests.identify.fit.test_contact_law import PRESSES, ball, flat
 
 PLACES = PRESSES // 2
@@ -83,6 +85,10 @@ def law() -> ContactLaw:
     return contact_law(ball(0, threshold_n=0.05), CATALOGUE)
 
 
+def key_of(fit: FreeComplianceFit, law: ContactLaw) -> tuple[str, ...]:
+    return next(names for names, one in law.fits.items() if one is fit)
+
+
 @pytest.mark.parametrize(
     ("found", "other", "kept"),
     [
@@ -104,6 +110,10 @@ def test_places_that_differ_under_another_law_refute_it(law, found, other, kept)
     )
     assert bool(told.candidates(late)) == kept
     assert bool(told.refuted) == (not kept)
+    beside_map = list(_equals(told, replace(SELECTION, meets_presses=np.inf)))
+    assert [one.found for one in beside_map[: len(near)]] == [
+        told.fits[key_of(f, law)] for f in near
+    ]
 
 
 @pytest.mark.parametrize(("between", "first"), [(1e4, "other"), (10.0, "best")])

@@ -20,7 +20,7 @@ class _Model:
 def test_pairs_that_do_as_well_as_an_effect_leave_its_cause_undecided(monkeypatch):
     fit: Any = SimpleNamespace(map=None, model=_Model((SimpleNamespace(effect=CATALOGUE["play"]),)))
     pairs = [(("hysteresis", other), fit) for other in ("time_lag", "contact_offset")]
-    fit.chi2 = 940.0
+    fit.chi2, fit.between = 940.0, 0.0
     law: Any = SimpleNamespace(
         plain=SimpleNamespace(parts=()), found=fit, names=("play",), criterion=lambda _: 958.0,
         candidates=lambda _: [], splits=lambda _: pairs, range_of=lambda _: {},
@@ -35,6 +35,16 @@ def test_pairs_that_do_as_well_as_an_effect_leave_its_cause_undecided(monkeypatc
     law.splits = lambda _: []
     (play,) = first_step._accepted(law, fit, tried.append, SELECTION)
     assert play.decided
+
+
+@dataclass(frozen=True)
+class _Presses:
+    """Fit of the presses alone."""
+
+    names: tuple[str, ...]
+    middle_misfit: float
+    between: float = 0.0
+    again: int = 0
 
 
 @dataclass(frozen=True)
@@ -56,7 +66,7 @@ class _Law:
 @pytest.mark.parametrize("leaves", ["noise", "structure", "few presses", "map error"])
 def test_laws_that_do_as_well_are_tried_where_the_first_leaves_structure(monkeypatch, leaves):
     play, loop, pair = (
-        SimpleNamespace(names=(name,), middle_misfit=misfit)
+        _Presses((name,), misfit)
         for name, misfit in (("play", 1.0), ("hysteresis", 1.3), ("pair", 1.05))
     )
     tried: list[str] = []

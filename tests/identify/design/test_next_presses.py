@@ -11,6 +11,7 @@ from numpy.testing import assert_array_equal
 from fem import Contacts, PalpationModel, RefinedModel, block_mesh
 from identify.body.mechanics import BodyMechanics
 from identify.catalogue.catalogue import CATALOGUE
+from identify.design import assessment
 from identify.design.assessment import _settings
 from identify.design.next_presses import _Planned, _Present, next_presses
 from identify.design.scan_variants import (
@@ -25,6 +26,7 @@ from identify.effects.readings import Readings
 from identify.fit.joint_fit import fit_jointly
 from identify.fit.settings import CONTACT_LAW
 from identify.select.accepted_effect import AcceptedEffect
+from identify.select.candidates import Candidate
 from models.scan import Scan
 from tests.identify.select.loop_problem import (
     NU,
@@ -223,3 +225,22 @@ def test_laws_of_the_presses_are_separated_beyond_what_they_are_right_to():
     wider = _settings(explained, law)
     assert wider.needed - PLAN.needed == pytest.approx(2 * CONTACT_LAW.equal * 3000)
     assert wider.aim - PLAN.aim == wider.needed - PLAN.needed
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_laws_of_the_presses_are_planned_for_their_own_judge(monkeypatch, shown, candidates):
+    """Places with a compliance of their own, and their chi-square."""
+    (one, fit), (other, _) = candidates[:2]
+    pair = tuple(Candidate(name, chi2, 9.0, fit) for name, chi2 in ((one, 7.0), (other, 8.0)))
+    accepted = AcceptedEffect(one, pair, shown_by_presses=shown)
+    explained: Any = SimpleNamespace(
+        ambiguous=[accepted.group], accepted=[accepted], ladder=[SimpleNamespace(fit=fit)],
+        final=SimpleNamespace(fit=fit),
+    )  # fmt: skip
+    given: list[Any] = []
+    monkeypatch.setattr(assessment, "designs_on_body", lambda *_: ())
+    monkeypatch.setattr(assessment, "next_presses", lambda *args: given.append(args))
+    assessment._next_presses(explained, list(CATALOGUE), lambda text: None, None)
+    ((planned, *_, by_law),) = given
+    assert [name for name, _ in planned] == [one, other]
+    assert by_law == ({one: 7.0, other: 8.0} if shown else None)

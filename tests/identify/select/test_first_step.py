@@ -20,7 +20,7 @@ class _Model:
 def test_pairs_that_do_as_well_as_an_effect_leave_its_cause_undecided(monkeypatch):
     fit: Any = SimpleNamespace(map=None, model=_Model((SimpleNamespace(effect=CATALOGUE["play"]),)))
     pairs = [(("hysteresis", other), fit) for other in ("time_lag", "contact_offset")]
-    fit.chi2, fit.between = 940.0, 0.0
+    fit.chi2, fit.between = 940.0, 5.0
     law: Any = SimpleNamespace(
         plain=SimpleNamespace(parts=()), found=fit, names=("play",), criterion=lambda _: 958.0,
         candidates=lambda _: [], splits=lambda _: pairs, range_of=lambda _: {},
@@ -30,6 +30,7 @@ def test_pairs_that_do_as_well_as_an_effect_leave_its_cause_undecided(monkeypatc
     (play,) = first_step._accepted(law, fit, tried.append, SELECTION)
     both = ("hysteresis with time_lag", "hysteresis with contact_offset")
     assert play.group == ("play", *both)
+    assert [c.chi2 for c in play.candidates] == [945.0] * 3  # with that of places pressed again
     assert not play.decided
     assert tried == [f"trying {names}" for names in both]
     law.splits = lambda _: []

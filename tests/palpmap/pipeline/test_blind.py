@@ -24,7 +24,7 @@ from models.scan_file import read_scan
 from palpmap.__main__ import app
 from palpmap.blind import tournament
 from palpmap.blind.further_presses import press_further
-from palpmap.blind.layout import SMALL, draw_map, varied_layout
+from palpmap.blind.layout import SMALL, draw_map, usual_layout, varied_layout
 from palpmap.blind.records import (
     AnswerRecord,
     CoverageRecord,
@@ -575,6 +575,15 @@ def test_a_deep_inclusion_is_not_taken_for_a_hard_grain(tmp_path):
     for key, value in truth.items():
         own = found.parameters[f"inclusion_1.{key}"]
         assert own.lower95 < value < own.upper95, key
+
+
+@pytest.mark.parametrize("layout", [usual_layout, varied_layout])
+def test_a_mixed_trial_rests_early_and_a_plain_one_does_not(layout):
+    mixed, plain = (
+        layout(Trial(3, ("preconditioning",), (0.03,), 1, mixed)).program for mixed in (True, False)
+    )
+    assert np.flatnonzero(mixed.pause_s - plain.pause_s).tolist() == [len(plain) // 8]
+    assert mixed.pause_s.max() > 10.0
 
 
 def softness(scan: Scan) -> np.ndarray:

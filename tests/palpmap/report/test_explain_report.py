@@ -18,6 +18,8 @@ from identify.catalogue.catalogue import CATALOGUE
 from identify.design.assessment import assess
 from identify.design.detection_limits import Limit
 from identify.design.geometry_confounders import GeometryConfounder
+from identify.design.next_presses import Proposal
+from identify.design.scan_variants import Design, Presses
 from identify.design.settings import DETECTION
 from identify.design.undetected_bias import UndetectedBias
 from identify.residual import sentence
@@ -38,9 +40,9 @@ from palpmap.result.evidence import Axis, bins_of, evidence_of, shown_share
 from palpmap.result.explain_record import limit_record
 from palpmap.result.explain_words import CANDIDATES, UNRELIABLE, _name_notes, verdict_detail
 from palpmap.result.finding import Finding, step_finding
-from palpmap.result.next_scan import finer_cells
+from palpmap.result.next_scan import finer_cells, next_presses_records
 from palpmap.result.next_step import next_steps
-from palpmap.result.presses_words import presses_sentences
+from palpmap.result.presses_words import presses_record, presses_sentences
 from palpmap.result.records import (
     ExplainRecord,
     NextPressesRecord,
@@ -692,3 +694,55 @@ def test_a_course_that_leaves_noise_is_not_doubted_by_a_search_that_did_not_end(
     )
     found.told_apart = False
     assert "not decided" in verdict_detail(found, open_question)
+
+
+def test_an_effect_of_the_group_is_no_trace_beside_it(told):
+    first, *rest = told.explained.accepted
+    other = replace(first.candidates[0], name="uneven_surface")
+    grouped = replace(first, candidates=(*first.candidates, other))
+    final = told.explained.final
+    found = frozenset({"uneven_surface", "play"})
+    step = replace(final, diagnosis=replace(final.diagnosis, significant=found))
+    explained = replace(
+        told.explained,
+        verdict="ambiguous",
+        ladder=(*told.explained.ladder[:-1], step),
+        accepted=(grouped, *rest),
+    )
+    assert "uneven_surface" in grouped.group
+    assert explained.traces == ("play",)
+
+
+@pytest.mark.parametrize("separated", [(), (("force_bias", "play"),)])
+def test_a_proposal_says_if_it_separates_anything(separated):
+    each = np.ones(3)
+    presses = Presses(np.zeros((3, 3)), np.zeros((3, 3)), each, each, each, each, each, each, each)
+    pair = ("force_bias", "play")
+    proposal = Proposal(Design("same", "once more as it is", presses), 3.0, pair, separated, ())
+    planned: Any = SimpleNamespace(next_presses=[proposal], outlying=())
+    (record,) = next_presses_records(planned, 9)
+    assert record.separates == bool(separated)
+
+
+@dataclass(frozen=True)
+class _Law:
+    """Of presses that call for play; places refute a loop."""
+
+    found: Any
+    plain: Any
+    names = ("play",)
+    refuted = (("hysteresis", "time_lag"),)
+    share = 0.9
+
+    def candidates(self, name: str) -> list:
+        return []
+
+
+def test_the_record_names_the_laws_that_places_refute():
+    fit = SimpleNamespace(rms_n=0.01, typical_n=0.01, chi2_per_dof=1.0, noise_share=0.9, again=7,
+                          values={"play": {"share": 0.1}})  # fmt: skip
+    model = SimpleNamespace(readings=SimpleNamespace(largest_force_n=0.3), press_error=0.0)
+    problem: Any = SimpleNamespace(law=_Law(fit, fit), model=model, fit=SimpleNamespace(field=None))
+    record = presses_record(problem, ())
+    assert record is not None
+    assert (record.again, record.refuted) == (7, (("hysteresis", "time_lag"),))

@@ -89,9 +89,12 @@ def expected_by(fault: Mapping[str, Any]) -> str:
 
     >>> expected_by({"type": "float_parsing", "msg": "Input should be a valid number, unable to"})
     'a number, such as 0.49'
+    >>> expected_by({"type": "value_error", "msg": "Value error, 'stl' is not one of 'vtu', 'csv'."})
+    "one of 'vtu', 'csv'."
     """
     said = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")
-    return said.removeprefix("Input should be ")
+    _, choice, these = said.partition(" is not one of ")  # of a command's option
+    return f"one of {these}" if choice else said.removeprefix("Input should be ")
 
 
 def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str:

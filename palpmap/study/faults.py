@@ -89,7 +89,7 @@ def expected_by(fault: Mapping[str, Any]) -> str:
 
     >>> expected_by({"type": "float_parsing", "msg": "Input should be a valid number, unable to"})
     'a number, such as 0.49'
-    >>> expected_by({"type": "value_error", "msg": "Value error, 'stl' is not one of 'vtu', 'csv'."})
+    >>> expected_by({"type": "value_error", "msg": "'stl' is not one of 'vtu', 'csv'."})
     "one of 'vtu', 'csv'."
     """
     said = _EXPECTED.get(fault["type"]) or fault["msg"].removeprefix("Value error, ")

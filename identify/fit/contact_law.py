@@ -127,12 +127,13 @@ class ContactLaw:
     @property
     def refuted(self) -> tuple[Set, ...]:
         """Sets that do as well for the curves, under which presses of one place differ."""
-        return tuple(names for names, fit in self.fits.items() if fit.again and self._refutes(fit))
+        most = self.found.misfit + _slack(self.plain, self.settings)
+        return tuple(n for n, fit in self.fits.items() if fit.misfit < most and self._refutes(fit))
 
     def _refutes(self, fit: FreeComplianceFit) -> bool:
         """Return True where presses of one place are alike under the law found, not under a fit."""
-        slack = max(self.settings.margin, self.settings.equal * self._excess)
-        return self.found.is_of_places and fit.total > self.found.total + slack
+        worse = min(fit.total - self.found.total, fit.between - self.found.between)
+        return self.found.is_of_places and worse > _slack(self.plain, self.settings)
 
     def splits(self, name: str) -> list[tuple[Set, FreeComplianceFit]]:
         """Pairs of effects in the place of one that do as well with no more numbers, best first."""
@@ -208,6 +209,11 @@ def contact_law(
     return replace(law, partial=best) if share > settings.most_of else law
 
 
+def _slack(plain: FreeComplianceFit, settings: ContactLawSettings) -> float:
+    """Return the misfit within which laws are equal."""
+    return max(settings.margin, settings.equal * max(plain.misfit - plain.dof, 0.0))
+
+
 def _told_by_places(
     presses: FreeCompliance,
     plain: FreeComplianceFit,
@@ -219,7 +225,7 @@ def _told_by_places(
 
     A place has one compliance. Presses that have it under one law refute the laws without it.
     """
-    slack = max(settings.margin, settings.equal * max(plain.misfit - plain.dof, 0.0))
+    slack = _slack(plain, settings)
     told = {
         names: presses.compared(fit)
         for names, fit in fits.items()

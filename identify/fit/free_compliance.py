@@ -32,7 +32,7 @@ from identify.measurement.effect_in_model import EffectInModel, effect_values
 from identify.measurement.judge import Judged, judge
 from identify.measurement.kept_slope import KeptSlope
 from identify.measurement.noise import Noise
-from identify.measurement.places import numbered, places_of
+from identify.measurement.places import disagreement, numbered, places_of
 from identify.measurement.shared_error import decorrelated, lag_error_m
 from identify.measurement.traced_chain import TracedChain
 from identify.optimize.gauss_newton import minimize_gauss_newton
@@ -175,16 +175,10 @@ class FreeCompliance:
         own = self._white(judged, chain.by_log_compliance(at))
         weight = weight * np.bincount(press, own**2, len(c))
         course = self.readings.order[:, None] / max(self.readings.order.max(), 1)
-        course = np.hstack([course, np.log1p(20 * course)])
-        moved = np.column_stack([np.log(e), course, -follow])
-        total = np.column_stack([np.bincount(place, weight * column) for column in moved.T])
-        mean = total / np.maximum(np.bincount(place, weight), 1e-30)[:, None]
-        rows = np.sqrt(weight)[:, None] * (moved - mean[place])
-        known = np.hstack([np.zeros((len(columns), 2)), columns])
-        left = np.vstack([rows[:, 1:], known])
-        short = np.concatenate([rows[:, 0], np.zeros(len(columns))])
-        step = np.linalg.lstsq(left, short, rcond=None)[0]
-        return replace(found, between=float(np.sum((short - left @ step) ** 2)), again=again)
+        course = np.hstack([course, np.log1p(self.settings.early * course)])
+        held = np.hstack([np.zeros((len(columns), 2)), columns])
+        between = disagreement(np.log(e), weight, place, np.hstack([course, -follow]), held)
+        return replace(found, between=between, again=again)
 
     def _fit(
         self, parts: Sequence[EffectInModel], compliance: np.ndarray | None, weight: np.ndarray

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import chdtrc, chdtri
+from scipy.special import chdtri
 
 from identify.effects.base import Values
 from identify.effects.readings import Readings
 from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
 from identify.measurement.effect_in_model import EffectInModel
-
-_SURE = 1e-3  # p-value below which presses of one place differ
 
 
 @dataclass(frozen=True)
@@ -134,7 +132,7 @@ class FreeComplianceFit:
     @property
     def is_of_places(self) -> bool:
         """True where presses of one place have one compliance, to the noise."""
-        return self.again > 0 and float(chdtrc(self.again, self.between)) > _SURE
+        return self.again > 0 and self.between < chdtri(self.again, self.settings.places_differ)
 
     @property
     def noise_share(self) -> float:

@@ -183,6 +183,8 @@ class FreeComplianceSettings:
     own_growth, stiffening : range of the growth of its contact there (0 of a plate over a soft
         body, -4 of a bonded layer that is incompressible and thin), and a start beside the even one
     own_step : of difference quotients by these
+    places_differ : p-value below which presses of one place differ
+    early : how much sooner than evenly a body softens, of what is taken off before
     """
 
     compliance_steps: int = 12
@@ -203,6 +205,8 @@ class FreeComplianceSettings:
     own_growth: tuple[float, float] = (-4.0, 0.0)
     stiffening: float = -2.0
     own_step: float = 1e-4
+    places_differ: float = 1e-3
+    early: float = 20.0
 
 
 FREE_COMPLIANCE = FreeComplianceSettings()

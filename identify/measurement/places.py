@@ -41,6 +41,28 @@ def places_of(readings: Readings) -> Places:
     return Places(readings.point_m[first], readings.direction[first], readings.radius_m[first])
 
 
+def disagreement(
+    values: np.ndarray, weight: np.ndarray, place: np.ndarray, free: np.ndarray, bound: np.ndarray
+) -> float:
+    """Return the chi-square by which presses of one place differ in a value.
+
+    Parameters
+    ----------
+    values, weight : (j,) of the presses, and one over their variances
+    place : (j,) number of each press's place
+    free : (j, k) changes of the values by k unknowns, which make them as alike as may be
+    bound : (m, k) whitened rows that hold the unknowns where they are
+    """
+    moved = np.column_stack([values, free])
+    total = np.column_stack([np.bincount(place, weight * column) for column in moved.T])
+    mean = total / np.maximum(np.bincount(place, weight), 1e-30)[:, None]
+    rows = np.sqrt(weight)[:, None] * (moved - mean[place])
+    short = np.concatenate([rows[:, 0], np.zeros(len(bound))])
+    left = np.vstack([rows[:, 1:], bound])
+    step = np.linalg.lstsq(left, short, rcond=None)[0]
+    return float(np.sum((short - left @ step) ** 2))
+
+
 def _same(fitted: Places, predicted: Places, within: float) -> np.ndarray:
     """Return the matrix (n, j) of True for a place within so many radii, its direction and tip."""
     apart = np.linalg.norm(predicted.point_m[:, None] - fitted.point_m[None], axis=2)

@@ -156,3 +156,9 @@ def test_two_effects_of_as_many_numbers_take_the_place_of_one(unknowns, chosen):
     fits = {one.names: one for one in (play, both)}
     presses: Any = SimpleNamespace(compared=lambda fit: fit)
     assert _told_by_places(presses, plain, play, fits, CONTACT_LAW)[0].names == chosen
+
+
+def test_a_law_that_is_worse_for_the_curves_alone_is_not_refuted_by_its_places(law):
+    alike = {n: replace(fit, between=10.0, again=12) for n, fit in law.fits.items()}
+    far = replace(law, found=replace(law.found, between=10.0, again=12), fits=alike)
+    assert far.refuted == ()

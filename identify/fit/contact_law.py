@@ -22,24 +22,27 @@ import numpy as np
 from identify.effects.base import Effect
 from identify.fit.contact_law_sets import (
     Set,
-    causes,
-    contained,
     criterion_of,
     fit_set,
-    is_calm,
-    is_no_law,
     leading_sets,
     misfit_scale,
-    one_of_contact,
     search_sets,
     sharpened,
+    simplest,
     simplest_forms,
     split_sets,
     step_words,
     well_spread_presses,
 )
 from identify.fit.free_compliance import FreeCompliance
-from identify.fit.free_compliance_fit import FreeComplianceFit
+from identify.fit.free_compliance_fit import (
+    FreeComplianceFit,
+    causes,
+    contained,
+    is_calm,
+    is_no_law,
+    one_of_contact,
+)
 from identify.fit.settings import CONTACT_LAW, FREE_COMPLIANCE_TRIAL, ContactLawSettings
 from identify.measurement.effect_in_model import EffectInModel
 
@@ -204,7 +207,7 @@ def contact_law(
     ):
         fits[fit.names[len(stated) :]] = fit
     alike = [fit for fit in fits.values() if len(fit.names) == len(best.names)]
-    best = _simplest(best, alike, settings.unsure * law._excess, settings)
+    best = simplest(best, alike, settings.unsure * law._excess, settings)
     share = replace(law, found=best).share
     return replace(law, partial=best) if share > settings.most_of else law
 
@@ -294,7 +297,7 @@ def _best(
         if not sets:
             continue
         top = min(sets, key=lambda fit: criterion_of(fit, scale))
-        top = _simplest(top, sets, settings.equal * max(plain.misfit - plain.dof, 0.0), settings)
+        top = simplest(top, sets, settings.equal * max(plain.misfit - plain.dof, 0.0), settings)
         top = min(
             _textbook(top, sets, plain, settings),
             key=lambda fit: criterion_of(fit, scale),
@@ -305,30 +308,6 @@ def _best(
         if gain > least * (size - number) and top.misfit < best.misfit:
             best, number = top, size
     return best
-
-
-def _simplest(
-    top: FreeComplianceFit,
-    sets: Sequence[FreeComplianceFit],
-    slack: float,
-    settings: ContactLawSettings,
-) -> FreeComplianceFit:
-    """Return the set with the fewest parameters among those of the causes of one that do as well.
-
-    A form of several numbers follows the error of the laws, too, and beside a map it takes the
-    place of the compliances. Where it leaves noise, though, and the simpler one does not, there is
-    no such error.
-    """
-    least = top.noise_share - settings.fewer
-    alike = [
-        fit
-        for fit in sets
-        if causes(fit) == causes(top)
-        and fit.misfit <= top.misfit + slack
-        and fit.noise_share >= least
-    ]
-    calm = [fit for fit in alike if is_calm(fit, settings)]
-    return min(calm or alike, key=lambda fit: (fit.unknowns, fit.misfit))
 
 
 def _textbook(

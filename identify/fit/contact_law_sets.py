@@ -8,7 +8,7 @@ import numpy as np
 
 from identify.effects.base import Effect, Values, advice
 from identify.fit.free_compliance import FreeCompliance
-from identify.fit.free_compliance_fit import FreeComplianceFit
+from identify.fit.free_compliance_fit import FreeComplianceFit, causes, is_calm
 from identify.fit.settings import FREE_COMPLIANCE_TRIAL, ContactLawSettings
 from identify.measurement.chain import OperatingPoint
 from identify.measurement.effect_in_model import EffectInModel
@@ -312,27 +312,6 @@ def criterion_of(fit: FreeComplianceFit, scale: float) -> float:
     return fit.misfit / scale + fit.unknowns * float(np.log(len(fit.residual)))
 
 
-def is_calm(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
-    """Return True for a fit that leaves noise alone."""
-    return fit.misfit < fit.dof + settings.noise_sd * np.sqrt(2 * fit.dof)
-
-
-def causes(fit: FreeComplianceFit) -> list[str]:
-    """Return the families of the effects, sorted."""
-    return sorted(part.effect.family for part in fit.parts)
-
-
-def is_no_law(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
-    """Whether so few of a sample of presses are noise that the law cannot be that of all."""
-    least = settings.noise_share
-    return fit.noise_share < least - 3 * np.sqrt(least * (1 - least) / max(fit.felt.sum(), 1))
-
-
-def contained(fit: FreeComplianceFit, name: str) -> tuple[str, ...]:
-    """Return the effects that are special cases of one of a fit."""
-    return next(p.effect.contains for p in fit.parts if p.effect.name == name)
-
-
 def simplest_forms(
     presses: FreeCompliance, parts: Sequence[EffectInModel], catalogue: Sequence[Effect]
 ) -> list[EffectInModel]:
@@ -344,7 +323,25 @@ def simplest_forms(
     return [presses.begun(effect, {}) for effect in first]
 
 
-def one_of_contact(fits: Sequence[FreeComplianceFit], names: set[str]) -> bool:
-    """Return True where the names are one, of an effect of the contact."""
-    parts = [p for fit in fits for p in fit.parts if p.effect.name in names]
-    return len(names) == 1 and all("contact" in p.effect.hooks for p in parts)
+def simplest(
+    top: FreeComplianceFit,
+    sets: Sequence[FreeComplianceFit],
+    slack: float,
+    settings: ContactLawSettings,
+) -> FreeComplianceFit:
+    """Return the set with the fewest parameters among those of the causes of one that do as well.
+
+    A form of several numbers follows the error of the laws, too, and beside a map it takes the
+    place of the compliances. Where it leaves noise, though, and the simpler one does not, there is
+    no such error.
+    """
+    least = top.noise_share - settings.fewer
+    alike = [
+        fit
+        for fit in sets
+        if causes(fit) == causes(top)
+        and fit.misfit <= top.misfit + slack
+        and fit.noise_share >= least
+    ]
+    calm = [fit for fit in alike if is_calm(fit, settings)]
+    return min(calm or alike, key=lambda fit: (fit.unknowns, fit.misfit))

@@ -5,7 +5,7 @@ press with chi-square X in n readings counts as a n ln(1 + X/(a n)), by weights 
 (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,11 @@ from scipy.special import chdtri
 
 from identify.effects.base import Values
 from identify.effects.readings import Readings
-from identify.fit.settings import FREE_COMPLIANCE, FreeComplianceSettings
+from identify.fit.settings import (
+    FREE_COMPLIANCE,
+    ContactLawSettings,
+    FreeComplianceSettings,
+)
 from identify.measurement.effect_in_model import EffectInModel
 
 
@@ -157,3 +161,30 @@ class FreeComplianceFit:
 def straightened(found: FreeComplianceFit, readings: Readings) -> np.ndarray:
     """Displacement (m,) m of the presses without the effects: C F and the residual."""
     return found.compliance[readings.press] * readings.force_n + found.residual_m
+
+
+def is_calm(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
+    """Return True for a fit that leaves noise alone."""
+    return fit.misfit < fit.dof + settings.noise_sd * np.sqrt(2 * fit.dof)
+
+
+def causes(fit: FreeComplianceFit) -> list[str]:
+    """Return the families of the effects, sorted."""
+    return sorted(part.effect.family for part in fit.parts)
+
+
+def is_no_law(fit: FreeComplianceFit, settings: ContactLawSettings) -> bool:
+    """Whether so few of a sample of presses are noise that the law cannot be that of all."""
+    least = settings.noise_share
+    return fit.noise_share < least - 3 * np.sqrt(least * (1 - least) / max(fit.felt.sum(), 1))
+
+
+def contained(fit: FreeComplianceFit, name: str) -> tuple[str, ...]:
+    """Return the effects that are special cases of one of a fit."""
+    return next(p.effect.contains for p in fit.parts if p.effect.name == name)
+
+
+def one_of_contact(fits: Sequence[FreeComplianceFit], names: set[str]) -> bool:
+    """Return True where the names are one, of an effect of the contact."""
+    parts = [p for fit in fits for p in fit.parts if p.effect.name in names]
+    return len(names) == 1 and all("contact" in p.effect.hooks for p in parts)

@@ -240,7 +240,7 @@ def _told_by_places(
          and (f.unknowns <= best.unknowns or len(f.names) == len(best.names))),
         key=lambda fit: fit.total, default=best,
     )  # fmt: skip
-    if not best.is_of_places and first.total < best.total - slack:
+    if first.total < best.total - slack:
         best = first
     return best, {**fits, **told}
 

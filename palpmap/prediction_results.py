@@ -42,6 +42,9 @@ class PredictionRecord(FileRecord):
     chi2_per_press: float = Field(description="chi-square of the presses' errors, per press")
     p_value: float = Field(description="probability of errors this large, were the bands right")
     within95: float = Field(description="share of the presses in their 95 % bands")
+    band_over_error: float | None = Field(
+        None, description="width of the bands over what the errors ask for; null in older files"
+    )
     force_error_median: float = Field(description="of the largest force, median over the presses")
     force_error_90: float = Field(description="of the largest force, 90 % of the presses below")
     error_rms_m: float = Field(description="of the travel near the largest forces, rms, m")
@@ -57,7 +60,8 @@ class Prediction(Shown, PredictionOfScan):
     """A scan predicted by a fit that has not seen it, with bands.
 
     Its fields are those of `identify.residual.prediction.Prediction`: `predicted_m`, `sd_m`,
-    `residual_m`, `press_error_m`, `press_sd_m`, `chi2`, `verdict`, `within95`.
+    `residual_m`, `press_error_m`, `press_sd_m`, `chi2`, `verdict`, `within95`,
+    `band_over_error`.
 
     Attributes
     ----------
@@ -140,6 +144,7 @@ class Prediction(Shown, PredictionOfScan):
             chi2_per_press=self.chi2 / self.presses,
             p_value=self.p_too_narrow,
             within95=self.within95,
+            band_over_error=self.band_over_error,
             force_error_median=float(np.median(np.abs(share))),
             force_error_90=float(np.quantile(np.abs(share), 0.9)),
             error_rms_m=rms(self.press_error_m),

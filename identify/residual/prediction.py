@@ -12,7 +12,9 @@ belongs to the prediction; elsewhere the map's own error is part of the band.
 Readings of a press share most of their error. The test therefore takes one number a press, the
 error of the travel at its largest forces, with the covariance of all presses. Its chi-square, with
 as many degrees of freedom as presses, says whether the errors are those of the bands; beside it the
-press farthest off is judged alone.
+press farthest off is judged alone. An error that all presses share is one number to that test, and
+may be nearly the whole band: bands that are `WIDE` times the errors, by their rms over the presses,
+are too wide, whatever chi-square says of the rest.
 """
 
 from __future__ import annotations
@@ -44,6 +46,7 @@ from identify.residual.own_errors import OwnErrors, map_error, own_errors
 from models import Catalogue, Scan
 
 LEVEL = 0.01  # of the test
+WIDE = 3.0  # of bands over errors: a band of one shared error is so once in four by chance
 STEEPEST = 0.2  # least slope of travel over force, of the line to no force: noise makes it less
 _WITHIN = 1.96
 
@@ -97,10 +100,24 @@ class Prediction:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether the errors are those of the bands, at the level `LEVEL` on both sides."""
+        """Whether the errors are those of the bands, at the level `LEVEL` on both sides.
+
+        Too wide are also bands that are `WIDE` times the errors.
+        """
         if self.p_too_narrow < LEVEL:
             return "too narrow"
-        return "too wide" if chdtr(self.presses, self.chi2) < LEVEL else "calibrated"
+        if self.band_over_error > WIDE or chdtr(self.presses, self.chi2) < LEVEL:
+            return "too wide"
+        return "calibrated"
+
+    @property
+    def band_over_error(self) -> float:
+        """How many times the errors ask for the bands are; about 1 of bands that are right.
+
+        By the rms over the presses, or by chi-square, whichever is more.
+        """
+        squares = float(np.mean((self.press_error_m / self.press_sd_m) ** 2))
+        return max(min(squares, self.chi2 / self.presses), 1e-18) ** -0.5
 
     @property
     def within95(self) -> float:

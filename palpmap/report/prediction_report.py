@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 TITLES = {
     "calibrated": "The prediction holds",
     "too narrow": "The errors exceed the bands",
-    "too wide": "The prediction holds, with bands wider than its errors",
+    "too wide": "The prediction holds, its bands are too wide",
 }
 
 
@@ -34,14 +34,14 @@ def statement_of(p: Prediction) -> str:
         f"{round(p.within95 * p.presses)} of {p.presses} presses lie in their 95 % bands, and "
         f"chi-square per press is {digits(p.chi2 / p.presses)}"
     )
-    return f"{size}. {within}: {_VERDICTS[p.verdict]}."
+    return f"{size}. {within}: {_VERDICTS[p.verdict].format(digits(p.band_over_error))}."
 
 
 _VERDICTS = {
     "calibrated": "the bands are calibrated",
     "too narrow": "the errors are larger than the bands say, so that the model lacks something "
     "that this scan shows",
-    "too wide": "the errors are smaller than the bands say",
+    "too wide": "the bands are too wide, {} times what these errors ask for: a cautious prediction",
 }
 
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,19 @@ def test_a_softer_body_fails_with_exit_code_1_and_a_report_that_says_so(tmp_path
     assert "The errors exceed the bands" in page
     assert 0 < page.index("<img") < page.index("What the bands hold")
     assert (out / "prediction.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(("width", "verdict"), [(1.0, "calibrated"), (10.0, "too wide")])
+def test_bands_ten_times_the_errors_are_a_cautious_prediction_and_no_calibrated_one(width, verdict):
+    """Errors of the presses' own noise, in bands that are mostly one error of all presses."""
+    fit = pm.read_run(RUN).fit
+    found = pm.predict(fit, fit.experiment)
+    error_m = np.where(np.arange(found.presses) % 2, 1e-5, -1e-5)
+    sd_m = np.full(found.presses, 1e-5 * width)
+    wide = replace(found, press_error_m=error_m, press_sd_m=sd_m, chi2=float(found.presses))
+    assert (wide.verdict, wide.holds) == (verdict, True)
+    assert ("too wide, 10 times what these errors ask for" in wide.statement) == (width > 1)
+    assert wide.record.band_over_error == pytest.approx(width)
 
 
 def test_the_same_body_holds_from_python_and_shows_itself(tmp_path):

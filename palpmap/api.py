@@ -30,7 +30,7 @@ from identify.optimize import Optimizer, minimize_gauss_newton
 from identify.residual import predict as predict_scan
 from identify.residual import run_difference
 from identify.select import kind_of_map, refuse_effect, with_effects
-from models import InputError, PressProgram, Scan, read_program, touching
+from models import Catalogue, InputError, PressProgram, Scan, read_program, touching
 from palpmap.experiment import Experiment, read_study, refuse_other
 from palpmap.prediction_results import MapChange, Prediction
 from palpmap.result.outline import study_outline
@@ -43,7 +43,7 @@ from palpmap.study import virtual_lab
 from palpmap.study.body import Body
 from palpmap.study.faults import naming_study
 from palpmap.study.open_study import catalogue_with
-from palpmap.study.other_scan import placed_on_body_of
+from palpmap.study.other_scan import other_key, placed_on_body_of
 from palpmap.study.press_plan import plan_presses, reachable
 from palpmap.study.truth_file import Truth
 
@@ -168,7 +168,8 @@ def compare_runs(one: FitResult, other: FitResult) -> MapChange:
     Raises
     ------
     InputError
-        The bodies share no place.
+        The studies state different bodies (a modulus depends on the height and on Poisson's ratio
+        that it was found with), or the bodies share no place.
 
     Examples
     --------
@@ -177,10 +178,20 @@ def compare_runs(one: FitResult, other: FitResult) -> MapChange:
     >>> pm.compare_runs(fit, fit).to_dict()["ratio"]
     1.0
     """
-    boxes = [study_outline(fit.experiment.study) for fit in (one, other)]
-    low, high = (np.array([box.lower_m, box.upper_m]) for box in boxes)
+    studies = [fit.experiment.study for fit in (one, other)]
+    if (found := other_key(*studies)) is not None:
+        key, here, there = found
+        raise InputError(
+            f"the two runs' studies state different bodies: {key} is {here} in the one and {there} "
+            "in the other; a modulus depends on it, so that a difference of the maps would be none "
+            "of the body: correct one of the studies and fit it again"
+        )
+    low, high = (np.array([box.lower_m, box.upper_m]) for box in map(study_outline, studies))
+    catalogue = Catalogue(
+        {e.name: e for f in (other, one) for e in catalogue_with(f.experiment.own_effects)}.values()
+    )
     try:
-        return MapChange(one, other, run_difference(one, other, low, high))
+        return MapChange(one, other, run_difference(one, other, low, high, catalogue))
     except ValueError as error:
         raise InputError(str(error)) from error
 

@@ -207,6 +207,13 @@ class DifferenceRecord(FileRecord):
     """difference.json: two runs on one body."""
 
     maps_differ: bool
+    bodies_differ: bool | None = Field(
+        None, description="maps, or effects beside them, differ; null in older files"
+    )
+    in_maps: tuple[str, ...] = Field((), description="effects that change the compared maps")
+    beside_maps: tuple[str, ...] = Field(
+        (), description="effects that change the stiffness beside the maps, and differ"
+    )
     statement: str
     p_value: float = Field(description="of the largest difference, were the maps the same")
     place_m: tuple[float, float, float] = Field(description="of it, in the scan's frame, m")
@@ -241,8 +248,13 @@ class MapChange(Shown):
 
     @property
     def maps_differ(self) -> bool:
-        """Whether the maps differ by more than their errors."""
+        """True if the maps differ by more than their errors."""
         return self.difference.maps_differ
+
+    @property
+    def bodies_differ(self) -> bool:
+        """True if the maps differ, or an effect that changes the stiffness beside them."""
+        return self.difference.bodies_differ
 
     @property
     def _origin_m(self) -> np.ndarray:
@@ -271,6 +283,9 @@ class MapChange(Shown):
         x, y, z = (d.grid.points_m[at] + self._origin_m).tolist()
         return DifferenceRecord(
             maps_differ=d.maps_differ,
+            bodies_differ=d.bodies_differ,
+            in_maps=d.in_maps,
+            beside_maps=d.beside_maps,
             statement=statement_of(d, self._origin_m),
             p_value=d.p_value,
             place_m=(x, y, z),

@@ -2,6 +2,7 @@
 
 from identify.residual.compare import compare
 from identify.residual.comparison import Comparison, Level, ResidualTest
+from identify.residual.fitted_model import changed_map
 from identify.residual.prediction import Prediction, predict
 from identify.residual.statement import law_sentence, length, sentence, sigmas
 from identify.residual.two_runs import RunDifference, run_difference
@@ -12,6 +13,7 @@ __all__ = [
     "Prediction",
     "ResidualTest",
     "RunDifference",
+    "changed_map",
     "compare",
     "law_sentence",
     "length",

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
 import numpy as np
 
 from fem import PalpationModel
 from identify.body.compliance import compliance
 from identify.body.mechanics import BodyMechanics
-from identify.effects.base import Effect
+from identify.body.state import BodyState, ChangedMap
+from identify.effects.base import Effect, changes_body
 from identify.effects.readings import Readings
 from identify.effects.unknown_course import COURSES
 from identify.fit.result import FitResult
@@ -77,3 +81,52 @@ def unit_compliance(model: PalpationModel, fit: FitResult) -> np.ndarray | None:
     if not isinstance(fit.map, FreeMap):
         return None
     return REFERENCE_PA * compliance(model, GaussianMap(REFERENCE_PA))
+
+
+def changed_map(
+    fit: FitResult,
+    box_m: np.ndarray,
+    catalogue: Iterable[Effect],
+    values: Mapping[str, float] | None = None,
+) -> tuple[ChangedMap, tuple[str, ...]]:
+    """Return a fit's map with the changes by its effects, and the names of these effects.
+
+    Parameters
+    ----------
+    box_m : (2, 3) of the body
+    catalogue : where the effects are looked up; one that is not in it changes nothing
+    values : of the effects' parameters by name; None are the fit's
+    """
+    low, high = (tuple(corner) for corner in box_m.tolist())
+    state, names = BodyState((low, high), poisson_ratio=0.0), []  # no part of the modulus
+    for effect, given in _of_body(fit, catalogue, values):
+        before = state.modulus_changes
+        state = effect.body(state, **given)
+        names += [effect.name] if state.modulus_changes != before else []
+    return ChangedMap(fit.map, state), tuple(names)
+
+
+def beside_map(fit: FitResult, box_m: np.ndarray, catalogue: Iterable[Effect]) -> tuple[str, ...]:
+    """Return the names of a fit's effects that change the body's stiffness, and not its map.
+
+    A skin, fibres, and another Poisson's ratio: the map is then not all of the body.
+    """
+    low, high = (tuple(corner) for corner in box_m.tolist())
+    state = BodyState((low, high), poisson_ratio=0.0)
+    made = ((e.name, e.body(state, **given)) for e, given in _of_body(fit, catalogue))
+    return tuple(name for name, after in made if _material(after) != _material(state))
+
+
+def _material(state: BodyState) -> tuple[float, ...]:
+    return state.skin_factor, state.fibre_share, state.poisson_ratio
+
+
+def _of_body(
+    fit: FitResult, catalogue: Iterable[Effect], values: Mapping[str, float] | None = None
+) -> Iterator[tuple[Any, dict[str, float]]]:
+    """Effects of a fit that change the body, with the values of their parameters."""
+    for effect in catalogue:
+        named = {p.name: f"{effect.name}.{p.name}" for p in effect.parameters}
+        if changes_body(effect) and set(named.values()) <= set(fit.parameters):
+            known = values or {name: fit.parameters[name].value for name in named.values()}
+            yield effect, {p: known[name] for p, name in named.items()}

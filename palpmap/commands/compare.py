@@ -67,7 +67,7 @@ def run_compare_runs(*, one: Path, other: Path, out: Path | None, output: Output
     Returns
     -------
     bool
-        Whether the maps agree (the exit code is 1 if not).
+        Whether maps and effects of the stiffness agree (the exit code is 1 if not).
     """
     from rich.markup import escape
 
@@ -81,7 +81,7 @@ def run_compare_runs(*, one: Path, other: Path, out: Path | None, output: Output
             *found.renderables(),
             f"Report: {escape(str(folder / 'report.html'))}",
         )
-    return not found.maps_differ
+    return not found.bodies_differ
 
 
 def _study(source: Path) -> Path:

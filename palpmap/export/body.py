@@ -9,7 +9,8 @@ import numpy as np
 
 from fem import Mesh, PalpationModel
 from identify.body import ChangedMap
-from palpmap.result.finding import changed_map
+from identify.catalogue import CATALOGUE
+from identify.residual import changed_map
 from palpmap.results import Run
 from palpmap.units import is_of_map
 
@@ -63,7 +64,7 @@ class ExportedBody:
     @cached_property
     def _map(self) -> tuple[ChangedMap, tuple[str, ...]]:
         """The map as its effects have changed it (an edge, a gradient), and the names of these."""
-        return changed_map(self.run.fit, self.mesh.box_m)
+        return changed_map(self.run.fit, self.mesh.box_m, CATALOGUE)
 
     @property
     def cell_modulus(self) -> np.ndarray:

@@ -18,11 +18,15 @@ if TYPE_CHECKING:
 
 def title_of(d: RunDifference) -> str:
     """Return the outcome in a few words."""
-    return "The maps differ" if d.maps_differ else "The maps agree"
+    maps = "The maps differ" if d.maps_differ else "The maps agree"
+    if not d.beside_maps:
+        return maps
+    too = "and so do" if d.maps_differ else "but not the"
+    return f"{maps}, {too} effects that change the stiffness beside them"
 
 
 def statement_of(d: RunDifference, origin_m: np.ndarray) -> str:
-    """Return the outcome in two sentences."""
+    """Return the outcome in a few sentences."""
     at, ratio = d.largest, float(np.exp(d.log_ratio[d.largest]))
     x, y, z = 1e3 * (d.grid.points_m[at] + origin_m)
     far = abs(d.standard_errors[at])
@@ -39,7 +43,12 @@ def statement_of(d: RunDifference, origin_m: np.ndarray) -> str:
     names = dict.fromkeys(c.name.rpartition(".")[0] for c in d.changed if "." in c.name)
     names = [name for name in names if not name.startswith("inclusion_")]
     instrument = f"Of the effects, {', '.join(names)} differ." if names else "No effect differs."
-    return f"{where}. {instrument}"
+    held = f" The maps are those with {', '.join(d.in_maps)} in them." if d.in_maps else ""
+    beside = (
+        f" The stiffness is not in the maps alone; of what changes it beside them, the runs differ "
+        f"in: {', '.join(d.beside_maps)}."
+    )
+    return f"{where}. {instrument}{held}{beside if d.beside_maps else ''}"
 
 
 def changes_table(d: RunDifference, origin_m: np.ndarray) -> Table:
@@ -87,7 +96,7 @@ def write_difference_report(
         name=name,
         other=other,
         title=title_of(d),
-        differ=d.maps_differ,
+        differ=d.bodies_differ,
         statement=statement_of(d, origin_m),
         changes=changes_table(d, origin_m),
         pictures=pictures,

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from identify.body import BodyState, ChangedMap
+from identify.body import ChangedMap
 from identify.catalogue import CATALOGUE
-from identify.effects import changes_body
 from identify.fit import Estimate, FitResult
 from identify.map import GaussianMap
-from identify.residual import Comparison
+from identify.residual import Comparison, changed_map
 from identify.select import Step
 from models import Scan
 from palpmap.result.caveats import limits_of, starts_beyond
@@ -148,28 +147,8 @@ class Finding:
     @cached_property
     def map(self) -> ChangedMap:
         """The found map with the changes by the fitted effects of the catalogue."""
-        return changed_map(self.fit, np.array([self.outline.lower_m, self.outline.upper_m]))[0]
-
-
-def changed_map(fit: FitResult, box_m: np.ndarray) -> tuple[ChangedMap, tuple[str, ...]]:
-    """Return a fit's map with the changes by its effects of the catalogue, and their names.
-
-    Parameters
-    ----------
-    box_m : (2, 3) of the body
-    """
-    low, high = (tuple(corner) for corner in box_m.tolist())
-    state, names = BodyState((low, high), poisson_ratio=0.0), []  # no part of the modulus
-    for effect in CATALOGUE:
-        if not changes_body(effect):
-            continue
-        named = {p.name: f"{effect.name}.{p.name}" for p in effect.parameters}
-        if set(named.values()) <= set(fit.parameters):
-            before = state.modulus_changes
-            values = {p: fit.parameters[name].value for p, name in named.items()}
-            state = effect.body(state, **values)
-            names += [effect.name] if state.modulus_changes != before else []
-    return ChangedMap(fit.map, state), tuple(names)
+        box_m = np.array([self.outline.lower_m, self.outline.upper_m])
+        return changed_map(self.fit, box_m, CATALOGUE)[0]
 
 
 def parameter_records(

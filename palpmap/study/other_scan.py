@@ -4,7 +4,19 @@ from models import InputError, Scan, touching
 from palpmap.study.placement import place_scan
 from palpmap.study.study import Study
 
-_KEYS = ("shape", "size_m", "poisson_ratio", "support", "held_sides", "project_points")
+_KEYS = (
+    "shape", "size_m", "thickness_m", "poisson_ratio", "support", "base_normal_m_per_pa",
+    "base_tangential_m_per_pa", "held_sides", "project_points",
+)  # fmt: skip
+
+
+def other_key(own: Study, other: Study) -> tuple[str, str, str] | None:
+    """Return the first key in which two studies state different bodies, and both its values."""
+    for key in _KEYS:
+        here, there = getattr(own.body, key), getattr(other.body, key)
+        if here != there:
+            return f"body.{key}", _shown(here), _shown(there)
+    return None
 
 
 def placed_on_body_of(own: Study, other: Study, scan: Scan) -> tuple[Scan, tuple[str, ...]]:
@@ -17,13 +29,12 @@ def placed_on_body_of(own: Study, other: Study, scan: Scan) -> tuple[Scan, tuple
     InputError
         The studies state different bodies, or a press does not lie on this one.
     """
-    for key in _KEYS:
-        here, there = getattr(own.body, key), getattr(other.body, key)
-        if here != there:
-            raise InputError(
-                f"{other.scan}: its study has body.{key} = {_shown(there)}, the fitted one "
-                f"{_shown(here)}; expected the same body: correct one of the studies"
-            )
+    if (found := other_key(own, other)) is not None:
+        key, here, there = found
+        raise InputError(
+            f"{other.scan}: its study has {key} = {there}, the fitted one {here}; expected the "
+            "same body: correct one of the studies"
+        )
     body = own.body.model_copy(update={"origin_m": other.body.origin_m})
     placed = place_scan(touching(scan), other.model_copy(update={"body": body}))
     notes = []
@@ -45,4 +56,6 @@ def placed_on_body_of(own: Study, other: Study, scan: Scan) -> tuple[Scan, tuple
 
 
 def _shown(value: object) -> str:
+    if value is None:
+        return "nothing"
     return f'"{value}"' if isinstance(value, str) else str(value)

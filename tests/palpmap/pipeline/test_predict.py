@@ -121,6 +121,26 @@ def test_two_runs_are_compared_with_a_report(tmp_path):
     assert all(str(source / "fit.json") in report for source in (RUN, again))
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            "poisson_ratio = 0.45", "poisson_ratio = 0.3",
+            "body.poisson_ratio is 0.45 in the one and 0.3 in the other",
+        ),
+        ("    0.03,", "    0.04,", "body.size_m is (0.06, 0.06, 0.03) in the one"),
+    ],
+)  # fmt: skip
+def test_runs_of_studies_that_state_different_bodies_are_refused(tmp_path, old, new, said):
+    other = shutil.copytree(RUN, tmp_path / "other") / "study.toml"
+    text = other.read_text()
+    assert old in text
+    other.write_text(text.replace(old, new))
+    done = CliRunner().invoke(app, ["compare", str(RUN), str(other.parent)])
+    assert done.exit_code == 2
+    assert said in " ".join(done.stderr.split())
+
+
 def test_nothing_to_compare_is_said_with_all_that_can_be_compared(tmp_path):
     done = CliRunner().invoke(app, ["compare", str(tmp_path / "nowhere")])
     assert done.exit_code == 2

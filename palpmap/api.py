@@ -275,7 +275,7 @@ def scan(
             f"{len(missing)} of {len(run.outcomes)} presses are not in the scan. {missing[0]}",
             stacklevel=2,
         )
-    return made.moved(np.array(study.body.origin_m))
+    return made
 
 
 def read_run(folder: str | Path) -> Run:

@@ -294,7 +294,7 @@ def make_scan(
         recording.press_done(
             result.statistics.press,
             float(told.time_s[told.phase == "hold"][-1]),
-            told.point_m[0],
+            told.point_m[0] - laboratory.plan.origin_m,
             float(used.at_largest_force(used.force_n)[0]),
             float(used.at_largest_force(used.displacement_m)[0]),
         )

@@ -114,6 +114,7 @@ def plan_at(study: Study, points: np.ndarray, directions: np.ndarray, force_n: f
         body_size_m=block or tuple(surface.extent_m),
         body_in_world=stand_of(surface),
         surface=None if block else surface,
+        origin_m=study.body.origin_m,
     )
 
 
@@ -163,6 +164,7 @@ def program_plan_of(study: Study, program: PressProgram, **settings: object) -> 
         moved,
         study.body.size_m or surface,
         kind_of(study),
+        study.body.origin_m,
         body_in_world=stand_of(surface),
         **settings,
     )

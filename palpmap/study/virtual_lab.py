@@ -64,6 +64,8 @@ class Laboratory:
     ) -> tuple[ScanRun, Scan]:
         """Make all presses; return how they went, and the readings that the robot reports.
 
+        Readings are in the frame of the scan, what goes on in the robot in that of the body.
+
         Parameters
         ----------
         on_frame : called with each picture of the running scan
@@ -78,9 +80,10 @@ class Laboratory:
         from sim.scan import run_scan
 
         done: list[Scan] = []
+        origin_m = np.array(self.plan.origin_m)
 
         def reported(result: PressResult) -> None:
-            done.append(self.hidden.report(result.scan))
+            done.append(self.hidden.report(result.scan).moved(origin_m))
             if on_press:
                 on_press(result, stack_scans(done))
 
@@ -164,7 +167,6 @@ def known_of(study: Study, scan: Path, laboratory: Laboratory) -> Study:
             "study": About(name=study.name, scan=scan.resolve()),  # pyright: ignore[reportCallIssue]
             "noise": noise,
             "map": Map(inclusions=laboratory.inclusions),
-            "body": study.body.model_copy(update={"origin_m": (0.0, 0.0, 0.0)}),
             "probe": probe_of(plan).model_copy(update={"most_force_n": most}),
         }
     )

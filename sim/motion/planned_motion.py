@@ -19,7 +19,7 @@ class Refusal:
     Attributes
     ----------
     press : its number in the scan
-    point_m, direction : (3,) m and unit, body frame
+    point_m, direction : (3,) m and unit, in the frame of the scan
     force_n : set force
     reason : what stops it, and what to do
     """
@@ -33,7 +33,7 @@ class Refusal:
     @classmethod
     def of(cls, plan: ScanPlan, press: int, reason: str) -> Refusal:
         """Return the refusal of a press of a plan."""
-        where = plan.points_m[press], plan.directions[press]
+        where = plan.points_m[press] + plan.origin_m, plan.directions[press]
         return cls(int(plan.ids[press]), *where, plan.force_of(press), reason)
 
     def __str__(self) -> str:

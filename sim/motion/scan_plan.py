@@ -31,6 +31,7 @@ class ScanPlan:
     body_size_m : edges of the block, from the body frame's origin
     surface : of the body, where it is no block
     body_in_world : where the body stands
+    origin_m : (3,) of the body frame in the frame of the scan, which sentences name places in
     program : force, durations and rest of each press, where they differ; see `program_plan`
     press_ids : (j,) numbers of the presses in the scan; None counts from 0
     tips : (j) of the presses; the arm changes them at its home pose
@@ -49,6 +50,7 @@ class ScanPlan:
     tips: tuple[Tip, ...] = ()
     forces_n: np.ndarray | None = None
     lowered: tuple[str, ...] = ()
+    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name in ("points_m", "directions"):
@@ -164,6 +166,7 @@ def program_plan(
     program: PressProgram,
     body: tuple[float, float, float] | BodySurface,
     kind: Kind = "flat",
+    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     **settings: object,
 ) -> ScanPlan:
     """Plan the presses of a program on a body.
@@ -173,6 +176,7 @@ def program_plan(
     program : the presses, in the body's frame; its radii are those of tips of a kind
     body : edges of a block, or a surface
     kind : of the tips
+    origin_m : of the body's frame in the frame of the scan, for sentences
     **settings : further fields of `ScanPlan`
 
     Raises
@@ -186,7 +190,7 @@ def program_plan(
     points = np.column_stack([program.x_m, program.y_m, program.z_m])
     above = np.isnan(program.z_m)
     points[above, 2] = shape.top(points[above, :2])[:, 2]
-    _refuse_beside(points, shape)
+    _refuse_beside(points, shape, np.array(origin_m))
     footing = shape.footing(points, program.radius_m)
     points = np.where(above[:, None], points, footing.points_m)
     given = program.direction / np.linalg.norm(program.direction, axis=1, keepdims=True)
@@ -194,8 +198,9 @@ def program_plan(
     borne = shape.bears(points, -directions, program.radius_m)
     if not borne.all():
         j = int(np.flatnonzero(~borne)[0])
+        x, y, _ = points[j] + origin_m
         raise InputError(
-            f"Press {j} of the program at x_m {points[j, 0]:g}, y_m {points[j, 1]:g}: its tip of "
+            f"Press {j} of the program at x_m {x:g}, y_m {y:g}: its tip of "
             f"{program.radius_m[j]:g} m radius hangs over the edge of the body of "
             f"{size[0]:.3g} x {size[1]:.3g} m."
         )
@@ -208,26 +213,29 @@ def program_plan(
         body_size_m=size,  # pyright: ignore[reportArgumentType]
         program=program,
         surface=surface,
+        origin_m=origin_m,
         **settings,  # pyright: ignore[reportArgumentType]
     )
 
 
-def _refuse_beside(points: np.ndarray, body: BodySurface) -> None:
-    """Refuse presses beside the body or off its surface."""
+def _refuse_beside(points: np.ndarray, body: BodySurface, origin_m: np.ndarray) -> None:
+    """Refuse presses beside the body or off its surface; both in the body frame."""
     beside = np.flatnonzero(np.isnan(points[:, 2]))
     if len(beside):
-        low, high = body.vertices_m.min(axis=0), body.vertices_m.max(axis=0)
+        low, high = body.vertices_m.min(axis=0) + origin_m, body.vertices_m.max(axis=0) + origin_m
         j = int(beside[0])
+        x, y, _ = points[j] + origin_m
         raise InputError(
-            f"Press {j} of the program at x_m {points[j, 0]:g}, y_m {points[j, 1]:g}: there is no "
+            f"Press {j} of the program at x_m {x:g}, y_m {y:g}: there is no "
             f"body, and its tip hangs over the edge; the body reaches from {low[0]:.4g} to "
             f"{high[0]:.4g} m in x and from {low[1]:.4g} to {high[1]:.4g} m in y."
         )
     off = np.linalg.norm(body.closest(points)[0] - points, axis=1)
     if off.max() > OFF_SURFACE_M:
         j = int(off.argmax())
+        place = np.round(1e3 * (points[j] + origin_m), 2).tolist()
         raise InputError(
-            f"Press {j} of the program at {np.round(1e3 * points[j], 2).tolist()} mm is "
+            f"Press {j} of the program at {place} mm is "
             f"{1e3 * off[j]:.3g} mm off the body's surface, expected at most "
             f"{1e3 * OFF_SURFACE_M:g} mm; correct z_m, or leave it out for the upper surface."
         )

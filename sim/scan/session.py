@@ -257,8 +257,9 @@ class Session:
                 body = (point - self._plan.body_in_world.position_m) @ (
                     self._plan.body_in_world.rotation
                 )
+                place = np.round(1e3 * (body + self._plan.origin_m), 1).tolist()
                 raise InputError(
-                    f"the pose at {np.round(1e3 * body, 1).tolist()} mm (body frame) is out of "
+                    f"the pose at {place} mm is out of "
                     f"reach by {1e3 * reached.error:.1f} mm or mrad; move it nearer or "
                     "turn its axis"
                 )

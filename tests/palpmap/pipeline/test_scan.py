@@ -3,19 +3,24 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fem.finite_strain import Fung
+from models import InputError, read_program
 from models.scan_file import read_scan
 from palpmap.commands.scan import _truth
 from palpmap.commands.scan_truth import write_truth
-from palpmap.report.scan_console import scan_table
+from palpmap.report.scan_console import refused_table, scan_table
 from palpmap.result.press_outcomes import PressesRecord
 from palpmap.result.scan_record import ScanRecord
 from palpmap.run_folder import sha256
-from palpmap.study.press_plan import grid_plan_of
+from palpmap.study.placement import place_scan
+from palpmap.study.press_plan import grid_plan_of, program_plan_of, reachable
+from palpmap.study.study import load_study
 from palpmap.study.virtual_lab import default_study
 from sim.body import Creep, HiddenBody, Inclusion, TruthMap
+from sim.motion import ScanSettings
 
 SMALL = ("scan", "--presses-per-side", "2", "--quiet")
 
@@ -47,6 +52,59 @@ def test_what_was_written_into_a_folder_with_a_space_is_found_again(spaced, run_
     code, said = run_review(folder)
     assert code == 0
     assert (said["presses"], said["planned_presses"], said["seed"]) == (4, 4, 5)
+
+
+STUDY = """\
+[study]
+name = "on the bench"
+scan = "scan.csv"
+
+[body]
+shape = "block"
+size_m = [0.08, 0.08, 0.04]
+origin_m = [0.3, -0.2, 0.1]
+poisson_ratio = 0.45
+
+[probe]
+tip = "flat"
+radius_m = 0.004
+"""
+PROGRAM = """\
+x_m,y_m,radius_m,force_n,ramp_s,hold_s,nx,ny,nz
+0.34,-0.16,0.004,0.2,0.8,0.4,0,0,-1
+{},-0.17,0.004,0.2,0.8,0.4,{},0,{}
+"""
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """A study whose body stands beside the origin of its scan, and a program of two presses."""
+    (tmp_path / "study.toml").write_text(STUDY)
+    (tmp_path / "program.csv").write_text(PROGRAM.format(0.35, np.sin(0.7), -np.cos(0.7)))
+    return tmp_path
+
+
+def test_study_scan_and_sentences_have_the_frame_of_the_users_tables(bench, run_here):
+    run = run_here(
+        "scan", "--study", bench / "study.toml", "--program", bench / "program.csv", "--quiet",
+        folder=bench / "run",
+    )  # fmt: skip
+    assert (run.exit_code, run.record["outcomes"]) == (1, {"made": 1, "skipped": 1}), run.stderr
+    scan, study = read_scan(bench / "run" / "scan.csv"), load_study(bench / "run" / "study.toml")
+    assert study.body.origin_m == (0.3, -0.2, 0.1)
+    np.testing.assert_allclose(scan.contact_points, [[0.34, -0.16, 0.14]], atol=2e-4)
+    assert place_scan(scan, study).distance_m.max() < 2e-4
+    plan = program_plan_of(study, read_program(bench / "program.csv"))
+    _, motion = reachable(plan, ScanSettings())
+    assert str(motion.refused[0]).startswith("Press 1 at (350.0, -170.0, 140.0) mm")
+    assert "350.0, -170.0, 140.0" in list(refused_table(motion.refused).columns[1].cells)
+
+
+def test_a_press_of_a_program_beside_the_body_is_named_in_the_programs_frame(bench):
+    program = bench / "program.csv"
+    program.write_text(PROGRAM.format(0.5, 0, -1))
+    with pytest.raises(InputError, match=r"at x_m 0\.5, y_m -0\.17: .* from 0\.3 to 0\.38 m in x"):
+        program_plan_of(load_study(bench / "study.toml"), read_program(program))
 
 
 @pytest.mark.slow

@@ -96,7 +96,7 @@ def run_scan_command(
         Whether every press was made and kept what the scan promises (force, overshoot, place) by
         the robot's own readings.
     """
-    known = default_study() if study is None else load_study(study)
+    known = default_study() if study is None else load_study(study, scanned=False)
     place = read_lab(lab) if lab else Lab()
     arm, truth = arm or place.arm, truth or place.truth
     plant = plant or [planted(text) for text in place.plant]

@@ -127,7 +127,7 @@ def contact_body(body: Body) -> ContactBody:
     except OSError as error:
         raise InputError(
             f"{file}: cannot be read ({error.strerror}), expected the scan whose contact points "
-            "make the body's surface; check body.file"
+            'make the surface of a body "from-contacts"; name it under study.scan or body.file'
         ) from error
     assert body.thickness_m is not None  # the study's own rule for this shape
     margin_m = assumed_margin_m(body) or body.margin_m or 0.0

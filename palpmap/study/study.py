@@ -250,8 +250,13 @@ class Study(Table):
         return self.study.scan
 
 
-def load_study(path: str | os.PathLike[str]) -> Study:
+def load_study(path: str | os.PathLike[str], *, scanned: bool = True) -> Study:
     """Read and check a study file; relative paths in it start at its folder.
+
+    Parameters
+    ----------
+    scanned : False for a body that is yet to be scanned: `study.scan` may be missing, and is then
+        scan.csv
 
     Raises
     ------
@@ -282,6 +287,8 @@ def load_study(path: str | os.PathLike[str]) -> Study:
             "correct it"
         ) from error
     about = tables.get("study")
+    if isinstance(about, dict) and not scanned:
+        about.setdefault("scan", "scan.csv")
     schema = about.get("schema", SCHEMA) if isinstance(about, dict) else SCHEMA
     if isinstance(schema, int) and schema > SCHEMA:
         raise InputError(

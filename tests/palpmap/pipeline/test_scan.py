@@ -100,6 +100,28 @@ def test_study_scan_and_sentences_have_the_frame_of_the_users_tables(bench, run_
     assert "350.0, -170.0, 140.0" in list(refused_table(motion.refused).columns[1].cells)
 
 
+def test_a_body_is_scanned_before_there_is_a_scan_of_it_but_not_one_from_contacts(
+    bench, run_here, monkeypatch
+):
+    monkeypatch.chdir(bench)
+    text = STUDY.replace('scan = "scan.csv"\n', "")
+    (bench / "study.toml").write_text(text)
+    run = run_here(
+        "scan", "--study", "study.toml", "--presses", "1", "--force", "0.1", "--quiet",
+        folder=bench / "run",
+    )  # fmt: skip
+    assert run.exit_code == 0, run.stderr
+    assert load_study(bench / "run" / "study.toml").scan == bench / "run" / "scan.csv"
+    contacts = text.replace('"block"', '"from-contacts"').replace("size_m", "#")
+    (bench / "study.toml").write_text(contacts.replace("poisson", "thickness_m = 0.03\npoisson"))
+    run = run_here("scan", "--study", "study.toml", folder=bench / "other")
+    assert run.exit_code == 2
+    said = " ".join(run.stderr.split())
+    assert 'make the surface of a body "from-contacts"; name it under study.scan' in said
+    with pytest.raises(InputError, match=r"study\.scan: the key is missing"):
+        load_study("study.toml")
+
+
 def test_a_press_of_a_program_beside_the_body_is_named_in_the_programs_frame(bench):
     program = bench / "program.csv"
     program.write_text(PROGRAM.format(0.5, 0, -1))

@@ -37,7 +37,6 @@ LARGEST_TIME_S = 1.0e11  # the year 5138 since 1970
 STIFFEST_BODY_PA = 1.0e6
 UNIT_LENGTH_TOLERANCE = 1.0e-3
 SAME_CONTACT_TOLERANCE = 1.0e-6
-UNITS_ESCAPE = "if the values are right, set units_checked = true under [study]"
 
 Columns = Mapping[str, np.ndarray]
 
@@ -178,7 +177,7 @@ def _check_lengths(columns: Columns, where: Where) -> None:
             what = "" if alone else "this looks like millimetres: "
             raise InputError(
                 f"{where.cell(row, name)}: found {columns[name][row]:g} m, expected at most "
-                f"{limit:g} m; {what}{do} ({UNITS_ESCAPE})"
+                f"{limit:g} m; {what}{do} ({where.units_escape})"
             )
 
 
@@ -300,5 +299,6 @@ def _check_forces(columns: Columns, where: Where) -> None:
         f"{where.cell(touching[row[at]], 'force_n')}: found {force[at]:g} N (typical press: "
         f"{typical:.3g} N, a body of {stiff / 1e3:.3g} kPa), expected at most "
         f"{LARGEST_TYPICAL_FORCE_N:g} N and {STIFFEST_BODY_PA / 1e3:g} kPa of a soft body; this "
-        f"looks like grams (divide by 101.97) or millinewtons (divide by 1000) ({UNITS_ESCAPE})"
+        "looks like grams (divide by 101.97) or millinewtons (divide by 1000) "
+        f"({where.units_escape})"
     )

@@ -41,10 +41,20 @@ class Where:
     ----------
     file : name of the file, as the user wrote it
     line_of : from row (0-based) to line number of the text file; None for a file without lines
+    in_study : the table belongs to a study file; else it was made in Python
     """
 
     file: str
     line_of: Callable[[int], int] | None = None
+    in_study: bool = True
+
+    @property
+    def units_escape(self) -> str:
+        """How the author says that strange units are meant."""
+        how = (
+            "set units_checked = true under [study]" if self.in_study else "give units_checked=True"
+        )
+        return f"if the values are right, {how}"
 
     def row(self, row: Any) -> str:
         """Name a row (0-based index) by its data row number and, in a text file, its line."""

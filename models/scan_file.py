@@ -128,15 +128,20 @@ def _scan_from_columns(columns: dict[str, np.ndarray]) -> Scan:
     )
 
 
-def check_scan(scan: Scan, name: str) -> None:
-    """Check a Scan that was made of arrays as one that is read from a file, but for its units.
+def check_scan(scan: Scan, name: str, units_checked: bool = False) -> None:
+    """Check a Scan that was made of arrays as one that is read from a file.
+
+    Parameters
+    ----------
+    name : of the scan, for sentences
+    units_checked : see `read_scan`
 
     Raises
     ------
     InputError
         Naming the scan (`name`), row, column, what was found, what is expected and what to do.
     """
-    check_columns(_columns_of(scan), Where(name), units_checked=True)
+    check_columns(_columns_of(scan), Where(name, in_study=False), units_checked)
 
 
 def _columns_of(scan: Scan) -> dict[str, np.ndarray]:

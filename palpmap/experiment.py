@@ -20,6 +20,7 @@ from palpmap.study.body import Body
 from palpmap.study.faults import expected_by, naming_study, shortened
 from palpmap.study.open_study import catalogue_with, most_presses, open_study, own_effects
 from palpmap.study.study import About, Map, Probe, Study, Uncertainty, load_study
+from palpmap.study.units_check import check_units
 
 Support = Literal["base-bonded", "base-sliding", "base-elastic"]
 _NOWHERE = Path("(in memory)") / "scan.csv"
@@ -36,6 +37,7 @@ class Experiment:
     tip : `FlatTip` or `Sphere`
     noise : standard deviations of both readings; missing ones are estimated from the scan
     name : title of reports
+    units_checked : values that look like millimetres or grams are meant as they are
 
     Attributes
     ----------
@@ -45,7 +47,8 @@ class Experiment:
     Raises
     ------
     InputError
-        A value is impossible: which one, what was found and what is expected.
+        A value is impossible, or looks like one in another unit: which one, what was found and
+        what is expected.
 
     Examples
     --------
@@ -71,12 +74,15 @@ class Experiment:
         *,
         noise: study_file.Noise | None = None,
         name: str = "experiment",
+        units_checked: bool = False,
     ) -> None:
-        about = About(name=name, scan=_NOWHERE)  # pyright: ignore[reportCallIssue]
+        about = _checked(About, name=name, scan=_NOWHERE, units_checked=units_checked)
         study = _checked(
             Study, study=about, body=body, probe=tip, noise=noise or study_file.Noise()
         )
-        check_scan(scan, "scan")
+        check_scan(scan, "scan", units_checked)
+        if not units_checked:
+            check_units(None, study)
         self._hold(scan, study, None)
 
     def _hold(self, scan: Scan, study: Study, source: Path | None) -> None:

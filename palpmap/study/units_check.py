@@ -14,11 +14,19 @@ LARGEST_RADIUS_M = 0.05
 LARGEST_NOISE_M = 0.005
 SOFTEST_BASE_M_PER_PA = 1e-3  # a body of 50 mm and 1 kPa is 5e-5 m/Pa
 SOFTEST_BODY_PA = 50.0
-UNITS_ESCAPE = "if the value is right, set units_checked = true under [study]"
+_IN_FILE = "set units_checked = true under [study]"
+_IN_PYTHON = "give units_checked=True"
 
 
-def check_units(path: Path, study: "Study") -> None:
-    """Refuse sizes that only make sense in millimetres or grams."""
+def check_units(path: Path | None, study: "Study") -> None:
+    """Refuse sizes that only make sense in millimetres or grams.
+
+    Parameters
+    ----------
+    path : of the study file; None for one that was made in Python
+    """
+    where = "" if path is None else f"{path}, key "
+    escape = f"if the value is right, {_IN_PYTHON if path is None else _IN_FILE}"
     lengths = [("body.size_m", size, LARGEST_BODY_M) for size in study.body.size_m or ()]
     for key in ("cell_size_m", "thickness_m", "margin_m"):
         lengths.append((f"body.{key}", getattr(study.body, key) or 0.0, LARGEST_BODY_M))
@@ -34,28 +42,28 @@ def check_units(path: Path, study: "Study") -> None:
     for key, value, limit in lengths:
         if value > limit:
             raise InputError(
-                f"{path}, key {key}: found {value:g} m, expected at most {limit:g} m; this looks "
-                f"like millimetres: divide by 1000 ({UNITS_ESCAPE})"
+                f"{where}{key}: found {value:g} m, expected at most {limit:g} m; this looks "
+                f"like millimetres: divide by 1000 ({escape})"
             )
     for name in ("base_normal_m_per_pa", "base_tangential_m_per_pa"):
         value = getattr(study.body, name) or 0.0
         if value > SOFTEST_BASE_M_PER_PA:
             raise InputError(
-                f"{path}, key body.{name}: found {value:g} m/Pa, expected at most "
+                f"{where}body.{name}: found {value:g} m/Pa, expected at most "
                 f"{SOFTEST_BASE_M_PER_PA:g} m/Pa; this looks like mm/kPa: multiply by 1e-6 "
-                f"({UNITS_ESCAPE})"
+                f"({escape})"
             )
     for table in ("initial", "fixed"):
         background = getattr(study.map, table).get("background_pa", inf)
         if background < SOFTEST_BODY_PA:
             raise InputError(
-                f"{path}, key map.{table}.background_pa: found {background:g} Pa, expected at "
+                f"{where}map.{table}.background_pa: found {background:g} Pa, expected at "
                 f"least {SOFTEST_BODY_PA:g} Pa; this looks like kilopascals: multiply by 1000 "
-                f"({UNITS_ESCAPE})"
+                f"({escape})"
             )
     noise = study.noise.force_n or 0.0
     if noise > 2.0:
         raise InputError(
-            f"{path}, key noise.force_n: found {noise:g} N, expected at most 2 N; this looks like "
-            f"grams: divide by 101.97 ({UNITS_ESCAPE})"
+            f"{where}noise.force_n: found {noise:g} N, expected at most 2 N; this looks like "
+            f"grams: divide by 101.97 ({escape})"
         )

@@ -191,6 +191,13 @@ WRONG: Any = TIP
 WRONG_EFFECTS: Any = ["force_drift"]
 
 
+def in_other_units(**factors: float) -> pm.Experiment:
+    """Return the twelve presses with columns times a factor."""
+    scan = pm.read_scan(TWELVE.with_name("scan.csv"))
+    columns: Any = {name: factor * getattr(scan, name) for name, factor in factors.items()}
+    return pm.Experiment(replace(scan, **columns), BODY, TIP)
+
+
 def of_arrays(**values) -> pm.Experiment:
     """Return the twelve presses with one value of a column in all rows."""
     scan = pm.read_scan(TWELVE.with_name("scan.csv"))
@@ -210,6 +217,23 @@ def of_arrays(**values) -> pm.Experiment:
         (lambda: of_arrays(force_n=np.nan), "scan, row 1, column force_n: found nan"),
         (lambda: of_arrays(direction=(0, 0, -2)), "column nx, ny, nz: found a length of 2"),
         (lambda: of_arrays(phase="approach"), "press 0 has 0 samples with phase load"),
+        (
+            lambda: in_other_units(point_m=1e3),
+            "found 50 m, expected at most 3 m; this looks like mill",
+        ),
+        (lambda: in_other_units(displacement_m=1e3), "column displacement_m: found"),
+        (lambda: in_other_units(force_n=1e3), "millinewtons (divide by 1000) (if the values are"),
+        (lambda: of_arrays(probe_radius_m=4.0), "right, give units_checked=True)"),
+        (
+            lambda: pm.Experiment(
+                of_arrays().scan, pm.Block((60, 60, 30), poisson_ratio=0.45), TIP
+            ),
+            "body.size_m: found 60 m, expected at most 1 m; this looks like millimetres",
+        ),
+        (
+            lambda: pm.Experiment(of_arrays().scan, BODY, TIP, noise=pm.Noise(force_n=5.0)),
+            "noise.force_n: found 5 N",
+        ),
         (lambda: pm.Experiment(of_arrays().scan, WRONG, TIP), "body: found Probe("),
         (lambda: pm.diagnose(of_arrays(), effects=WRONG_EFFECTS), "effects: found 'force_drift'"),
         (lambda: pm.read_study("nowhere.toml"), "nowhere.toml: no such file"),
@@ -221,6 +245,12 @@ def test_bad_input_gets_a_sentence(make, sentence):
         make()
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_strange_units_that_are_meant_are_taken():
+    scan = pm.read_scan(TWELVE.with_name("scan.csv"))
+    known = pm.Experiment(scan.replace(force_n=1e3 * scan.force_n), BODY, TIP, units_checked=True)
+    assert known.study.study.units_checked
 
 
 def test_an_explanation_tells_of_the_start_that_it_was_made_from(monkeypatch):

@@ -35,6 +35,7 @@ def _table(found: "CheckRecord") -> "Table":
     from rich import box
     from rich.table import Table
 
+    from identify.effects import percent
     from palpmap.units import shared_errors
 
     def span(values: tuple[float, float], scale: float, unit: str) -> str:
@@ -77,5 +78,8 @@ def _table(found: "CheckRecord") -> "Table":
     )
     any_shape = "none: a free map" if found.inclusions == "free" else str(found.inclusions)
     table.add_row("inclusions in the map", any_shape)
+    if found.regions:
+        named = (f"{one.label} ({percent(one.share)})" for one in found.regions)
+        table.add_row("labels (share of body)", ", ".join(named))
     table.add_row("effects in the model", ", ".join(found.effects) or "none")
     return table

@@ -8,9 +8,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PlainSerializer
 
-from models import PHASES, Doubt, InputError, Scan, read_scan, scan_findings, touching
+from models import PHASES, Doubt, InputError, LabelVolume, Scan, read_scan, scan_findings, touching
 from palpmap.console import is_for_the_user
 from palpmap.record import FileRecord, Record
+from palpmap.result.outline import study_outline
 from palpmap.run_folder import sha256
 from palpmap.study.body_model import points_of, try_body_model
 from palpmap.study.cell_size import cell_size_m, free_map_cell_m, probed_part
@@ -24,6 +25,7 @@ from palpmap.study.study import Body, Noise, Study, load_study
 SMALL_STRAIN_SHARE = 0.15
 SAID = 5  # sentences about doubtful readings before a fit
 SLANTED_DEG = 30.0
+POINTS_ALONG = 48  # the longest edge, of those that give the shares of labelled regions
 FINEST_NOISE = 0.01  # of the smallest step between two readings
 
 
@@ -37,6 +39,13 @@ class PlacementRecord(Record):
     projected: bool = Field(description="moved onto a block that stands in for the body")
     largest_distance_m: float = Field(description="off the body's surface, m")
     largest_angle_deg: float = Field(description="off its normal, degrees")
+
+
+class RegionRecord(Record):
+    """A labelled region of the map."""
+
+    label: int
+    share: float = Field(description="of the body's volume")
 
 
 class CheckRecord(FileRecord):
@@ -58,6 +67,7 @@ class CheckRecord(FileRecord):
     probe_radius_m: Mapping[str, int] = Field(description="presses by tip radius in m")
     noise: Noise = Field(description="as the study gives it; null is to be estimated")
     inclusions: int | str = Field(description="number, auto, or free of a map of any shape")
+    regions: tuple[RegionRecord, ...] = Field((), description="of a map with labels")
     effects: tuple[str, ...] = Field(description="of the study's model")
     placement: PlacementRecord
     can_be_fitted: bool
@@ -81,8 +91,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         refuse_contradictions(placement, study)
         if study.effects:
             _refuse_effects(study, placement)
-        if study.map.regions is not None:
-            regions_of(study.map, *points_of(study.body), placement.origin_m)
+        regions = regions_of(study.map, *points_of(study.body), placement.origin_m)
         try_body_model(study, placement.scan.used())
     placed = placement.scan
     probed = probed_part(study.body, placed.contact_points, placed.contact_radii)
@@ -108,6 +117,7 @@ def check_study(path: str | os.PathLike[str]) -> CheckRecord:
         probe_radius_m={f"{radius:g}": int(n) for radius, n in zip(radii, presses, strict=True)},
         noise=study.noise,
         inclusions="free" if study.map.kind == "free" else study.map.inclusions,
+        regions=() if regions is None else _region_shares(regions, study),
         effects=tuple(effect.name for effect in study.effects),
         placement=PlacementRecord(
             projected=placement.projected,
@@ -150,6 +160,22 @@ def _refuse_effects(study: Study, placement: Placement) -> None:
             refuse_effect(CATALOGUE[entry.name], readings, entry.initial)
         else:
             refuse_effect_file(entry.file)
+
+
+def _region_shares(regions: LabelVolume, study: Study) -> tuple[RegionRecord, ...]:
+    """Return the labels of a volume with their shares of the body, by points evenly in it."""
+    outline = study_outline(study)
+    edges = outline.upper_m - outline.lower_m
+    axes = [
+        low + edge * (np.arange(n) + 0.5) / n
+        for low, edge, n in zip(
+            outline.lower_m, edges, np.ceil(POINTS_ALONG * edges / edges.max()).astype(int),
+            strict=True,
+        )
+    ]  # fmt: skip
+    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
+    labels = regions.at(points[outline.inside(points)])
+    return tuple(RegionRecord(label=n, share=float(np.mean(labels == n))) for n in regions.names)
 
 
 def _range(values: np.ndarray) -> Range:

@@ -43,7 +43,12 @@ def limits_screen(record: LimitsRecord, fit: FitResult) -> tuple["RenderableType
 
 
 def _of_the_map(record: LimitsRecord) -> str:
-    """Return what the columns of the map mean, or the depth down to which a free one is seen."""
+    """Return the meaning of the map's columns, or the depth down to which a free one is seen."""
+    if record.sight_m is not None and record.labelled:
+        return (
+            f"Depth of sight: {quantity(record.sight_m, 'm')} under the middle press, for changes "
+            "within a region; below, these are the prior's guess."
+        )
     if record.sight_m is not None:
         return (
             f"Depth of sight: {quantity(record.sight_m, 'm')} under the middle press; below, the "

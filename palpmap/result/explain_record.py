@@ -130,6 +130,7 @@ def limits_record(
         ),
         mixed_scan=None if better.mixed is None else _planned(better.mixed.design),
         sight_m=field and field.sight_m,
+        labelled=field is not None and bool(field.regions),
         **counted(problem),
     )
 

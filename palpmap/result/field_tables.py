@@ -151,6 +151,23 @@ def _listed(presses: Sequence[int], most: int = 8) -> str:
     return ", ".join(str(p) for p in presses[:most]) + more
 
 
+def _sight(depth_m: float, labelled: bool) -> str:
+    """Return the depth of sight; of labelled regions it is that of the changes within one.
+
+    >>> _sight(0.0123, labelled=False)
+    '12.30 mm, at the middle press'
+    >>> _sight(0.0123, labelled=True)
+    '12.30 mm at the middle press, for changes within its region'
+    >>> _sight(0.0, labelled=True)
+    'changes within a region are seen at no depth, the regions as their table says'
+    """
+    if not labelled:
+        return f"{units.quantity(depth_m, 'm')}, at the middle press"
+    if not depth_m:
+        return "changes within a region are seen at no depth, the regions as their table says"
+    return f"{units.quantity(depth_m, 'm')} at the middle press, for changes within its region"
+
+
 def _sight_table(field: Field, scan: Scan, notes: Sequence[tuple[str, ...]]) -> Table:
     """Return the reach of a scan and the free map's prior."""
     hyper = field.hyper
@@ -188,7 +205,7 @@ def _sight_table(field: Field, scan: Scan, notes: Sequence[tuple[str, ...]]) -> 
             if slipped
             else ()
         ),
-        ("depth of sight", f"{units.quantity(field.sight_m, 'm')}, at the middle press"),
+        ("depth of sight", _sight(field.sight_m, bool(field.regions))),
         (f"a ball of {1e3 * SPOTS.ball_m:.0f} mm, {SPOTS.ball_contrast:.0f} times as hard", ball),
         ("length", f"{units.quantity(hyper.length_m, 'm')}, {by('length_m')}"),
         ("spread of ln E", f"{hyper.spread:.2g}, {by('spread')}"),

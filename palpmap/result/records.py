@@ -136,6 +136,7 @@ class LimitsRecord(CountRecord, FileRecord):
     sight_m: float | None = Field(
         default=None, description="depth of sight of a free map at the middle press, m, or null"
     )
+    labelled: bool = Field(False, description="it is that of changes within labelled regions")
 
 
 class PressesFitRecord(Record):

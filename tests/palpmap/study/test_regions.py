@@ -6,11 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
+from typer.testing import CliRunner
 
 import palpmap as pm
 from models import InputError
+from palpmap.__main__ import app
 from palpmap.commands.check import check_study
 from palpmap.commands.scan_truth import truth_of_scan
+from palpmap.result.field_tables import field_tables
 from palpmap.study.study import load_study
 from palpmap.study.truth_file import read_truth
 from tests.palpmap.test_free_map_study import study
@@ -53,7 +56,11 @@ def test_a_volume_that_does_not_cover_the_body_is_one_sentence(tmp_path):
 def test_a_check_reads_the_regions_of_a_study(tmp_path):
     labels(tmp_path / "labels.vti", 1e3)
     table = 'kind = "free"\nregions = "labels.vti"'
-    check_study(study(tmp_path, f"{table}\nregions_unit_m = 0.001"))
+    path = study(tmp_path, f"{table}\nregions_unit_m = 0.001")
+    shares = {region.label: region.share for region in check_study(path).regions}
+    assert shares == pytest.approx({3: 0.5, 7: 0.5})
+    printed = CliRunner().invoke(app, ["check", str(path)]).output
+    assert "labels (share of body)   3 (50 %), 7 (50 %)" in printed
     for key, sentence in (
         ("regions_unit_m = 0.0005", r"key map.regions: covers \d+ % of the body"),
         ("", r"found a volume 60 m long.*millimetres: set map.regions_unit_m = 0.001"),
@@ -74,6 +81,9 @@ def test_a_run_folder_keeps_the_regions_and_reads_them_back(tmp_path):
     assert kept.map.regions == tmp_path / "run" / "labels.vti"
     again = pm.read_run(tmp_path / "run").fit
     assert [region.label for region in again.field.regions] == [3, 7]
+    sight = field_tables(fit, np.zeros(3), fit.experiment.scan)[-1]
+    said = {row[0].text: row[1].text for row in sight.rows}["depth of sight"]
+    assert said.endswith("mm at the middle press, for changes within its region")
     assert ">Region<" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from identify import FEWEST_PRESSES, different_presses
 from models import InputError, Scan
+from palpmap.study.body_model import points_of
 from palpmap.study.placement import Placement
 from palpmap.study.study import Study
 
@@ -61,25 +62,37 @@ def _refuse_tip(study: Study) -> None:
 
 
 def _refuse_outside(study: Study) -> None:
-    """Refuse an inclusion that is stated outside the body by more than its radius."""
-    if study.body.size_m is None:
+    """Refuse an inclusion that is stated larger than the body, or beside it."""
+    if not any(name.startswith("inclusion_") for name in (*study.map.initial, *study.map.fixed)):
         return
+    box_m = points_of(study.body)[1]
     for table in ("initial", "fixed"):
         given = getattr(study.map, table)
         for name, value in given.items():
             inclusion, _, key = name.rpartition(".")
+            if key == "radius_m":
+                refuse_wide(f"study, key map.{table}.{name}", value, box_m)
             axis = ("x_m", "y_m", "z_m").index(key) if key in ("x_m", "y_m", "z_m") else None
             if axis is None:
                 continue
             radius = {**study.map.initial, **study.map.fixed}.get(f"{inclusion}.radius_m", 0.0)
-            low = study.body.origin_m[axis]
-            high = low + study.body.size_m[axis]
+            low, high = box_m[:, axis] + study.body.origin_m[axis]
             if not low - radius <= value <= high + radius:
                 raise InputError(
                     f"study, key map.{table}.{name}: found {value:g} m, expected {low:g} to "
                     f"{high:g} m, inside the body in the scan's frame (body.origin_m and "
-                    "body.size_m); correct the place, or leave it out to have it found"
+                    "its size); correct the place, or leave it out to have it found"
                 )
+
+
+def refuse_wide(where: str, radius_m: float, box_m: np.ndarray) -> None:
+    """Refuse an inclusion whose radius is more than the longest edge of the body's box (2, 3)."""
+    longest = float(np.ptp(box_m, axis=0).max())
+    if radius_m > longest:
+        raise InputError(
+            f"{where}: found {radius_m:g} m, expected at most {longest:g} m, the body's longest "
+            "edge: a wider spot is the same everywhere; correct it, or change the background"
+        )
 
 
 def _refuse_too_deep(scan: Scan, study: Study) -> None:

@@ -37,6 +37,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from models import InputError
 from palpmap.study.body import File, NotNegative, Positive, Real, Table, as_tuple
+from palpmap.study.body_model import points_of
+from palpmap.study.checks import refuse_wide
 from palpmap.study.faults import read_table
 from palpmap.study.label_file import read_label_volume
 from palpmap.study.study import Study
@@ -155,14 +157,14 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
 
 
 def _refuse_outside(path: Path, spots: Sequence[TrueInclusion], study: Study) -> None:
-    """Refuse an inclusion beside a block by more than its radius, which would not be felt."""
-    size_m, origin_m = study.body.size_m, study.body.origin_m
-    if size_m is None:
+    """Refuse an inclusion larger than the body, or beside it, which would not be felt."""
+    if not spots:
         return
+    box_m, origin_m = points_of(study.body)[1], study.body.origin_m
     for number, spot in enumerate(spots):
+        refuse_wide(f"{path}, key inclusions.{number}.radius_m", spot.radius_m, box_m)
         for axis, key in enumerate(("x_m", "y_m", "z_m")):
-            place, low = getattr(spot, key), origin_m[axis]
-            high = low + size_m[axis]
+            place, (low, high) = getattr(spot, key), box_m[:, axis] + origin_m[axis]
             if not low - spot.radius_m <= place <= high + spot.radius_m:
                 raise InputError(
                     f"{path}, key inclusions.{number}.{key}: found {place:g} m, expected {low:g} "

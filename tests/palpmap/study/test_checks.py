@@ -8,9 +8,13 @@ import pytest
 from identify.measurement.experiment import different_presses
 from models.errors import InputError
 from models.scan import Scan
+from models.scan_file import read_scan
 from palpmap.study.checks import refuse_unfit, too_few
 from palpmap.study.placement import place_scan
-from palpmap.study.study import About, Body, Map, Probe, Study
+from palpmap.study.study import About, Body, Map, Probe, Study, load_study
+from tests.paths import ROOT
+
+EXAMPLES = ROOT / "examples"
 
 SIZE_M = (0.096, 0.096, 0.048)
 SHARE = np.array([0.25, 0.5, 0.75, 1.0])
@@ -124,3 +128,20 @@ def test_a_tip_without_a_contact_model_is_refused(tip):
     said = refused(scan(6), known)
     assert f'probe.tip = "{tip}", expected "flat" or "sphere"' in said
     assert "a scan by another tip cannot be fitted" in said
+
+
+@pytest.mark.parametrize("table", ["initial", "fixed"])
+def test_an_inclusion_wider_than_the_body_is_refused(table):
+    wide, widest = (study(**{table: {"inclusion_1.radius_m": r}}) for r in (0.5, 0.096))
+    said = refused(scan(6), wide)
+    assert said.startswith(f"study, key map.{table}.inclusion_1.radius_m: found 0.5 m, expected")
+    assert "at most 0.096 m, the body's longest edge" in said
+    refuse_unfit(place_scan(scan(6), widest), widest)
+
+
+def test_an_inclusion_beside_a_body_of_any_shape_is_refused():
+    organ = load_study(EXAMPLES / "organ" / "study.toml")
+    measured = read_scan(organ.scan)
+    held = Map(inclusions=1, fixed={"inclusion_1.x_m": 0.9})
+    known = organ.model_copy(update={"map": held})
+    assert "key map.fixed.inclusion_1.x_m: found 0.9 m, expected" in refused(measured, known)

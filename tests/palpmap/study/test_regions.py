@@ -116,3 +116,9 @@ def test_a_true_inclusion_beside_the_body_is_refused(tmp_path):
     truth.write_text(f"background_pa = 6000\n[[inclusions]]\n{spot}", encoding="utf-8")
     with pytest.raises(InputError, match=r"key inclusions.0.y_m: found 30 m, expected 0 to 0.06 m"):
         read_truth(truth, known)
+    wide = spot.replace("y_m = 30.0", "y_m = 0.03").replace("radius_m = 0.01", "radius_m = 10.0")
+    truth.write_text(f"background_pa = 6000\n[[inclusions]]\n{wide}", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"inclusions.0.radius_m: found 10 m, expected at most 0.06"
+    ):
+        read_truth(truth, known)

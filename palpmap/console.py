@@ -11,7 +11,9 @@ import shlex
 import shutil
 import sys
 import sysconfig
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,12 +91,32 @@ def complain(sentence: str) -> None:
     Console(stderr=True).print(Text(f"palpmap: {sentence}", style="red"), soft_wrap=True)
 
 
+class SentenceWarning(UserWarning):
+    """A warning that is a sentence for the user: what, and what to do."""
+
+
+@contextmanager
+def _sentences() -> Iterator[None]:
+    """Print warnings that are sentences as such, others as Python does."""
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+
+        def show(message, category, *where, **more) -> None:
+            if issubclass(category, SentenceWarning):
+                complain(str(message))
+            else:
+                others(message, category, *where, **more)
+
+        warnings.showwarning = show
+        yield
+
+
 def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
     """Wrap a command: what it returns or raises becomes sentence and exit code.
 
     True or None: 0. False (a criterion failed): 1. Bad input, mesh or solver errors, a full or
     read-only disk, too little memory: one sentence, 2. Ctrl-C: 130. Anything else is a fault of the
-    program and keeps its traceback.
+    program and keeps its traceback. A `SentenceWarning` is a sentence, too.
     """
 
     @functools.wraps(command)
@@ -102,7 +124,8 @@ def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
         import typer
 
         try:
-            passed = command(*args, **kwargs)
+            with _sentences():
+                passed = command(*args, **kwargs)
         except ValueError as error:
             if not is_for_the_user(error):
                 raise

@@ -8,6 +8,7 @@ a killed run can be read too.
 import hashlib
 import os
 import platform
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -20,6 +21,7 @@ from pydantic import Field, JsonValue
 
 from identify import Settings
 from models import InputError
+from palpmap.console import SentenceWarning
 from palpmap.record import FileRecord, Record
 from palpmap.version import __version__
 
@@ -141,6 +143,13 @@ class RunFolder:
                 f"{self.path}: the run folder cannot be written to ({error.strerror}); make it "
                 "writable or choose another with --out"
             ) from error
+        if self._lock is None:
+            warnings.warn(
+                f"{self.path}: this file system knows no locks, so that nothing keeps a second "
+                "command from writing into the folder meanwhile; let no other write there",
+                SentenceWarning,
+                stacklevel=2,
+            )
 
     def __enter__(self) -> "RunFolder":
         """Return the folder itself."""
@@ -172,7 +181,8 @@ class RunFolder:
             self._save()
             with suppress(OSError):  # Windows removes it when it is released
                 (self.path / LOCK).unlink()
-            self._lock.release()
+            if self._lock is not None:
+                self._lock.release()
 
     def _save(self) -> None:
         RunsRecord(runs=(*self._earlier, self._run)).write(self.path / "run.json")
@@ -235,8 +245,12 @@ def _refuse_mixing(
         )
 
 
-def _locked(path: Path) -> FileLock:
-    """Lock the folder for this process; the system lifts the lock of one that was killed."""
+def _locked(path: Path) -> FileLock | None:
+    """Lock the folder for this process; the system lifts the lock of one that was killed.
+
+    None where the file system has no locks, as some network drives, or cannot be written to, which
+    is refused as run.json is saved.
+    """
     lock = FileLock(path / LOCK, timeout=0)
     try:
         lock.acquire()
@@ -246,10 +260,7 @@ def _locked(path: Path) -> FileLock:
             "or choose another with --out"
         ) from error
     except (OSError, NotImplementedError):
-        # A file system without locks, such as some network drives: there, nothing keeps two
-        # commands from writing into this folder at once and mixing their files. A folder that
-        # cannot be written to is refused as run.json is saved.
-        pass
+        return None
     return lock
 
 

@@ -1,15 +1,18 @@
 """The run folder and the exit codes that go with how a run ended."""
 
+import errno
 import json
 import subprocess
 import sys
+import warnings
 
 import pytest
 import typer
+from filelock import FileLock
 
 from fem.errors import MeshError, SolverError
 from models.errors import InputError
-from palpmap.console import Output, answers
+from palpmap.console import Output, SentenceWarning, answers
 from palpmap.record import SCHEMA, FileRecord
 from palpmap.run_folder import RunFolder, RunsRecord, sha256
 
@@ -74,6 +77,31 @@ def test_a_run_is_not_mixed_with_another_study_or_report(tmp_path, monkeypatch):
         with RunFolder("fit", folder, inputs=[name]):
             study.write_text("edited")
     assert [entry["command"] for entry in runs_of(folder)] == ["fit", "fit", "fit"]
+
+
+@pytest.mark.parametrize(
+    "fault", [OSError(errno.ENOLCK, "No locks available"), NotImplementedError()]
+)
+def test_a_file_system_without_locks_is_said_in_one_sentence(tmp_path, monkeypatch, capsys, fault):
+    """A fault that this machine's file system has not: the system's lock raises it."""
+
+    def refuses(*_):
+        raise fault
+
+    monkeypatch.setattr(FileLock, "_acquire", refuses)
+
+    def command():
+        with RunFolder("fit", tmp_path / "run") as run:
+            (run / "fit.json").touch()
+
+    with pytest.warns(SentenceWarning, match="knows no locks"):
+        command()
+    monkeypatch.setattr(warnings, "filters", [])
+    assert exit_code(command) == 0
+    said = capsys.readouterr().err
+    assert said.startswith(f"palpmap: {tmp_path / 'run'}: this file system knows no locks")
+    assert said.count("\n") == 1
+    assert [entry["outcome"] for entry in runs_of(tmp_path / "run")] == ["done", "done"]
 
 
 def test_without_out_each_run_gets_a_folder_of_its_own(tmp_path, monkeypatch):

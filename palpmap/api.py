@@ -26,7 +26,7 @@ from identify.effects import Readings
 from identify.fit import FitIteration, fit_map, read_fit
 from identify.map import GaussianMap
 from identify.measurement import scan_noise
-from identify.optimize import Optimizer, minimize_gauss_newton
+from identify.optimize import OPTIMIZERS, Optimizer, minimize_gauss_newton
 from identify.residual import predict as predict_scan
 from identify.residual import run_difference
 from identify.select import kind_of_map, refuse_effect, with_effects
@@ -35,7 +35,7 @@ from palpmap.experiment import Experiment, read_study, refuse_other
 from palpmap.prediction_results import MapChange, Prediction
 from palpmap.result.outline import study_outline
 from palpmap.result.records import ExplainRecord
-from palpmap.results import Comparison, FitResult, Run
+from palpmap.results import Comparison, FitResult, Run, refuse_no_fit
 from palpmap.selection import diagnose, explain, limits, start
 from palpmap.selection_results import Diagnosis, Explanation, Limits
 from palpmap.sides import with_sides
@@ -45,7 +45,7 @@ from palpmap.study.faults import naming_study
 from palpmap.study.open_study import catalogue_with
 from palpmap.study.other_scan import other_key, placed_on_body_of
 from palpmap.study.press_plan import plan_presses, reachable
-from palpmap.study.truth_file import Truth
+from palpmap.study.truth_file import Truth, refuse_outside
 
 if TYPE_CHECKING:
     from sim.motion import ScanSettings
@@ -83,6 +83,11 @@ def fit(
     (True, 'Pa')
     """
     refuse_other(experiment)
+    if not callable(optimizer):
+        raise InputError(
+            f"optimizer: found {optimizer!r}, expected a function: one of "
+            f"identify.optimize.OPTIMIZERS ({', '.join(map(repr, OPTIMIZERS))})"
+        )
     experiment = with_sides(experiment.with_inclusions(inclusions), progress)
     opened = experiment.opened(progress, thin=False)
     progress("fitting the map")
@@ -118,6 +123,7 @@ def compare(fit: FitResult) -> Comparison:
     >>> comparison.is_noise, comparison.record.varies_with
     (False, 'force')
     """
+    refuse_no_fit(fit)
     return Comparison(fit, fit.finding.comparison)
 
 
@@ -146,6 +152,7 @@ def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = sile
     >>> found.verdict, found.holds  # the fit has seen these very presses
     ('too wide', True)
     """
+    refuse_no_fit(fit)
     refuse_other(experiment)
     own = fit.experiment
     scan, notes = placed_on_body_of(own.study, experiment.study, experiment.scan)
@@ -178,6 +185,8 @@ def compare_runs(one: FitResult, other: FitResult) -> MapChange:
     >>> pm.compare_runs(fit, fit).to_dict()["ratio"]
     1.0
     """
+    for fit in (one, other):
+        refuse_no_fit(fit)
     studies = [fit.experiment.study for fit in (one, other)]
     if (found := other_key(*studies)) is not None:
         key, here, there = found
@@ -251,7 +260,9 @@ def scan(
     ([0, 1, 2, 3], 0.2)
     """
     from sim.motion import ScanSettings, read_tips
+    from sim.scan import refuse_plants
 
+    refuse_plants(plant)
     study = virtual_lab.default_study()
     study = study if body is None else study.model_copy(update={"body": body})
     if program is not None and (presses is not None or tips is not None):
@@ -262,6 +273,7 @@ def scan(
     plan = plan_presses(study, program=program, presses=presses, tips=carried, seed=seed)
     truth = None
     if map is not None:
+        refuse_outside(map.inclusions, study, "map.inclusions", scans=False)
         truth = virtual_lab.truth_of(map, np.zeros(3))
     settings = replace(arm or ScanSettings(), seed=seed)
     plan, motion = reachable(plan, settings)

@@ -76,6 +76,11 @@ class Experiment:
         name: str = "experiment",
         units_checked: bool = False,
     ) -> None:
+        if not isinstance(scan, Scan):
+            told = (
+                f"read_scan({str(scan)!r})" if isinstance(scan, str | Path) else "read_scan(path)"
+            )
+            raise InputError(f"scan: found {shortened(scan)}, expected a Scan: give pm.{told}")
         about = _checked(About, name=name, scan=_NOWHERE, units_checked=units_checked)
         study = _checked(
             Study, study=about, body=body, probe=tip, noise=noise or study_file.Noise()
@@ -116,7 +121,7 @@ class Experiment:
                 'it out or set kind = "inclusions"'
             )
         map_table = self.study.map.model_copy(update={"inclusions": inclusions})
-        checked = _checked(Map, **map_table.model_dump())
+        checked = _checked(Map, **map_table.model_dump(warnings=False))
         study = self.study.model_copy(update={"map": checked})
         return Experiment.of(self.scan, study, self.source)
 
@@ -228,9 +233,9 @@ def Block(
     return _checked(
         Body,
         shape="block",
-        size_m=tuple(size_m),
+        size_m=_numbers(size_m),
         poisson_ratio=poisson_ratio,
-        origin_m=tuple(origin_m),
+        origin_m=_numbers(origin_m),
         support=support,
         cell_size_m=cell_size_m,
     )
@@ -296,6 +301,11 @@ def Noise(
         touch_m=touch_m,
         lag_s=lag_s,
     )
+
+
+def _numbers(values: object) -> object:
+    """Return a sequence or an array as a tuple, anything else as it is, for its own sentence."""
+    return tuple(values) if isinstance(values, Sequence | np.ndarray) else values
 
 
 def _checked(kind, /, **values):

@@ -19,8 +19,10 @@ from identify.fit import FitResult as FitRecord
 from identify.fit import draw_posterior, refuse_samples
 from identify.residual import Comparison as ComparisonRecord
 from identify.residual import ResidualTest
+from models import InputError
 from palpmap.experiment import Experiment
 from palpmap.run_folder import RunFolder
+from palpmap.study.faults import shortened
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +30,28 @@ if TYPE_CHECKING:
 
     from palpmap.result.finding import Finding
     from palpmap.result.records import ExplainRecord
+
+
+def refuse_no_fit(given: object) -> None:
+    """Refuse anything but a fit, such as the run that holds it, or the path of one.
+
+    Raises
+    ------
+    InputError
+        Saying what was found and how to come by a fit.
+    """
+    if isinstance(given, FitResult):
+        return
+    told = "fit(experiment), or pm.read_run(folder).fit"
+    if isinstance(given, Run):
+        told = f"read_run({str(given.folder)!r}).fit"
+    elif isinstance(given, str | Path):
+        told = f"read_run({str(given)!r}).fit"
+    elif isinstance(given, Experiment):
+        told = "fit(experiment)"
+    plain = isinstance(given, str | Path | int | float | None)
+    found = shortened(given) if plain else f"this {type(given).__name__}"
+    raise InputError(f"found {found}, expected a FitResult: give pm.{told}")
 
 
 _SAID = 50  # draws between two words of progress

@@ -19,7 +19,7 @@ from palpmap.study import virtual_lab
 from palpmap.study.body import Body
 from palpmap.study.press_plan import plan_at, surface_of
 from palpmap.study.study import Probe, Study
-from palpmap.study.truth_file import Truth
+from palpmap.study.truth_file import Truth, refuse_outside
 
 if TYPE_CHECKING:
     from sim.motion import ScanPlan, ScanSettings
@@ -101,6 +101,8 @@ class Robot:
         self.settings = replace(arm or ScanSettings(), seed=seed)
         self._origin = np.array(self.study.body.origin_m)
         surface = surface_of(self.study)
+        if map is not None:
+            refuse_outside(map.inclusions, self.study, "map.inclusions", scans=True)
         self._truth = Truth(
             virtual_lab.default_truth(surface, seed)
             if map is None

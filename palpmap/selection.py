@@ -31,11 +31,11 @@ def start(
     ----------
     effects : candidates, beside the study's own
     """
-    for effect in effects:
-        if not isinstance(effect, Effect):
+    for effect in (effects,) if isinstance(effects, str | Effect) else effects:
+        if isinstance(effects, Effect) or not isinstance(effect, Effect):
             raise InputError(
-                f"effects: found {effect!r}, expected effects: CATALOGUE['force_drift'], or "
-                "MyEffect() of one of your own"
+                f"effects: found {effect!r}, expected a list of effects: CATALOGUE['force_drift'], "
+                "or MyEffect() of one of your own"
             )
     opened = experiment.opened(progress)
     if opened.map.either:

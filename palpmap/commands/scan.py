@@ -96,10 +96,13 @@ def run_scan_command(
         Whether every press was made and kept what the scan promises (force, overshoot, place) by
         the robot's own readings.
     """
+    from sim.scan import refuse_plants
+
     known = default_study() if study is None else load_study(study, scanned=False)
     place = read_lab(lab) if lab else Lab()
     arm, truth = arm or place.arm, truth or place.truth
     plant = plant or [planted(text) for text in place.plant]
+    refuse_plants(plant)
     force_n = PAPER_FORCE_N if paper_force else force or DEFAULT_FORCE_N
     plan, settings = _planned(known, program, force_n, presses, presses_per_side, tips, seed)
     settings |= _asked(plant, truth, arm)

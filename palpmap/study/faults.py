@@ -29,6 +29,9 @@ def read_table(path: Path, kind: type[T], what: str) -> T:
     InputError
         Naming file and key, what was found and what is expected.
     """
+    if not path.is_file():
+        found = "a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {found}, expected a {what} (.toml); check the path")
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

@@ -267,7 +267,9 @@ def load_study(path: str | os.PathLike[str], *, scanned: bool = True) -> Study:
     path = Path(path)
     if not path.is_file():
         kind = "a folder" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {kind}, expected a study file (.toml); check the path")
+        inside = path / "study.toml"
+        cure = f"give {inside}" if inside.is_file() else "check the path"
+        raise InputError(f"{path}: {kind}, expected a study file (.toml); {cure}")
     if path.suffix.lower() in (".csv", ".parquet"):
         raise InputError(
             f"{path}: found a scan, expected a study file (.toml); write one that names the scan"

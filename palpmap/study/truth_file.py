@@ -45,6 +45,7 @@ from palpmap.study.study import Study
 
 if TYPE_CHECKING:
     from fem.finite_strain import HyperelasticLaw
+    from identify.map import Inclusion
     from sim.body import Creep, TruthMap
     from sim.scan import Earlier
 
@@ -125,14 +126,15 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
     InputError
         Naming file and key, what was found and what is expected.
     """
-    from sim.body import Creep, Inclusion, TruthMap
+    from sim.body import Creep, TruthMap
+    from sim.body import Inclusion as TrueSpot
 
     path = Path(path)
     found = read_table(path, TruthFile, "true map")
     origin = np.array(study.body.origin_m)
-    _refuse_outside(path, found.inclusions, study)
+    refuse_outside(found.inclusions, study, f"{path}, key inclusions", scans=True)
     spots = tuple(
-        Inclusion(
+        TrueSpot(
             spot.weight_pa,
             tuple((np.array([spot.x_m, spot.y_m, spot.z_m]) - origin).tolist()),
             spot.radius_m,
@@ -156,19 +158,34 @@ def read_truth(path: str | os.PathLike[str], study: Study) -> Truth:
     return Truth(truth, law, creep, sticking=sticking)
 
 
-def _refuse_outside(path: Path, spots: Sequence[TrueInclusion], study: Study) -> None:
-    """Refuse an inclusion larger than the body, or beside it, which would not be felt."""
+def refuse_outside(
+    spots: Sequence[TrueInclusion | Inclusion], study: Study, where: str, *, scans: bool
+) -> None:
+    """Refuse an inclusion larger than a study's body, or beside it, which would not be felt.
+
+    Parameters
+    ----------
+    where : the table of the spots, for sentences
+    scans : places are in the frame of the scan; else in the body's
+
+    Raises
+    ------
+    InputError
+        Naming the spot and its key, what was found and what is expected.
+    """
     if not spots:
         return
-    box_m, origin_m = points_of(study.body)[1], study.body.origin_m
+    origin_m = np.array(study.body.origin_m) * scans
+    box_m = points_of(study.body)[1]
     for number, spot in enumerate(spots):
-        refuse_wide(f"{path}, key inclusions.{number}.radius_m", spot.radius_m, box_m)
+        refuse_wide(f"{where}.{number}.radius_m", spot.radius_m, box_m)
         for axis, key in enumerate(("x_m", "y_m", "z_m")):
             place, (low, high) = getattr(spot, key), box_m[:, axis] + origin_m[axis]
             if not low - spot.radius_m <= place <= high + spot.radius_m:
                 raise InputError(
-                    f"{path}, key inclusions.{number}.{key}: found {place:g} m, expected {low:g} "
-                    f"to {high:g} m, inside the body in the scan's frame; correct the place"
+                    f"{where}.{number}.{key}: found {place:g} m, expected {low:g} to {high:g} m, "
+                    f"inside the body in the {'scan' if scans else 'body'}'s frame; correct the "
+                    "place"
                 )
 
 

@@ -2,7 +2,7 @@
 
 from sim.scan.outcome import PressOutcome
 from sim.scan.path_log import PathResult
-from sim.scan.plant_on_robot import Earlier, RobotPlant, plant_on_robot
+from sim.scan.plant_on_robot import Earlier, RobotPlant, plant_on_robot, refuse_plants
 from sim.scan.result import PHASES as SERIES_PHASES
 from sim.scan.result import Frame, PressResult, PressStatistics, ScanRun, Series
 from sim.scan.session import Session
@@ -21,5 +21,6 @@ __all__ = [
     "Series",
     "Session",
     "plant_on_robot",
+    "refuse_plants",
     "run_scan",
 ]

@@ -96,6 +96,35 @@ class Earlier:
 NONE_EARLIER = Earlier()
 
 
+def refuse_plants(wanted: Sequence[tuple[str, float]]) -> None:
+    """Refuse names and sizes of effects to be hidden that mean nothing, before a body is solved.
+
+    Raises
+    ------
+    InputError
+        A name that is not known (the nearest one is said, or all), or a size out of range.
+    """
+    known = (*NAMES, *FAULTS)
+    for one in wanted:
+        if not (isinstance(one, tuple | list) and len(one) == 2):
+            raise InputError(
+                f"plant: found {one!r}, expected a name and a size, such as ('force_drift', 0.03)"
+            )
+        name, size = one
+        if name.endswith(".py"):
+            continue
+        if name not in known:
+            cure = nearest(name, known) or f"; there are {', '.join(known)}"
+            raise InputError(
+                f"no effect or fault '{name}'{cure}, or give a file of hooks that ends with .py"
+            )
+        if not 0 < size <= 1:
+            raise InputError(
+                f"size of the planted '{name}': found {size:g}, expected a share of the signal or "
+                "of the presses above 0 and up to 1, such as 0.03 for 3 %"
+            )
+
+
 def plant_on_robot(
     wanted: Sequence[tuple[str, float]],
     plan: ScanPlan,
@@ -123,12 +152,7 @@ def plant_on_robot(
     """
     if not (wanted or earlier.records):
         return RobotPlant(body, body)
-    for name, size in wanted:
-        if not 0 < size <= 1 and not name.endswith(".py"):
-            raise InputError(
-                f"size of the planted '{name}': found {size:g}, expected a share of the signal or "
-                "of the presses above 0 and up to 1, such as 0.03 for 3 %"
-            )
+    refuse_plants(wanted)
     for name in (*(name for name, _ in wanted), *(one["name"] for one in earlier.records)):
         if body.solved is not None and name in SOLVED_ANEW:
             raise InputError(
@@ -147,18 +171,12 @@ def plant_on_robot(
         if name.endswith(".py"):
             mechanisms.append(mechanism_of_file(name))
             records.append({"name": name, "category": "file", "law": "", "values": {}})
-        elif name in FAULTS:
+        else:
             count = max(round(size * len(plan)), 1)
             presses = {int(j) for j in rng.choice(len(plan), count, replace=False)}
             mechanisms.append(fault(name, settings.seed, presses))
             values = {f"press_{i}": float(j) for i, j in enumerate(sorted(presses))}
             records.append({"name": name, "category": "fault", "law": "", "values": values})
-        else:
-            known = (*NAMES, *FAULTS)
-            raise InputError(
-                f"no effect or fault '{name}'{nearest(name, known)}; there are {', '.join(known)}, "
-                "or give a file of hooks that ends with .py"
-            )
     pressed = body
     for effect, values in planted:
         body = effect.body(body, values)

@@ -189,6 +189,8 @@ def test_a_scripted_scan_becomes_an_experiment():
 TIP, BODY = pm.FlatTip(0.004), pm.Block((0.06, 0.06, 0.03), poisson_ratio=0.45)
 WRONG: Any = TIP
 WRONG_EFFECTS: Any = ["force_drift"]
+WRONG_SCAN: Any = "scan.csv"
+NOTHING: Any = None
 
 
 def in_other_units(**factors: float) -> pm.Experiment:
@@ -236,6 +238,29 @@ def of_arrays(**values) -> pm.Experiment:
         ),
         (lambda: pm.Experiment(of_arrays().scan, WRONG, TIP), "body: found Probe("),
         (lambda: pm.diagnose(of_arrays(), effects=WRONG_EFFECTS), "effects: found 'force_drift'"),
+        (lambda: pm.diagnose(of_arrays(), effects=WRONG_EFFECTS[0]), "expected a list of effects"),
+        (
+            lambda: pm.Experiment(WRONG_SCAN, BODY, TIP),
+            "scan: found 'scan.csv', expected a Scan: g",
+        ),
+        (lambda: pm.Block(WRONG_SCAN, poisson_ratio=0.4), "size_m"),
+        (
+            lambda: pm.Block(NOTHING, poisson_ratio=0.4),
+            "expected size_m = [x, y, z] in m",
+        ),
+        (
+            lambda: pm.fit(of_arrays(), optimizer=WRONG_SCAN),
+            "optimizer: found 'scan.csv', expected",
+        ),
+        (lambda: pm.scan(plant=WRONG_EFFECTS), "plant: found 'force_drift', expected a name and a"),
+        (
+            lambda: pm.scan(plant=[("force_drft", 0.03)]),
+            "the nearest right name is 'force_drift', or",
+        ),
+        (
+            lambda: pm.scan(BODY, map=pm.GaussianMap(6e3, (pm.Inclusion(9e3, 0.5, 0, 0, 0.01),))),
+            "map.inclusions.0.x_m: found 0.5 m, expected 0 to 0.06 m, inside the body",
+        ),
         (lambda: pm.read_study("nowhere.toml"), "nowhere.toml: no such file"),
         (lambda: pm.read_run(ROOT / "docs"), "found no fit.json"),
     ],
@@ -284,6 +309,25 @@ def test_a_free_map_beside_a_thinned_scan_has_the_presses_of_the_inclusions(monk
     ((of_inclusions, of_free_map),) = asked
     assert len(of_inclusions) == 8
     assert np.array_equal(of_free_map, of_inclusions)
+
+
+def test_what_is_no_fit_is_refused_with_the_way_to_one(fitted):
+    run = str(TWELVE.parent)
+    calls: tuple[Any, ...] = (
+        pm.compare, lambda given: pm.predict(given, fitted.experiment),
+        lambda given: pm.compare_runs(fitted, given), lambda given: pm.compare_runs(given, fitted),
+    )  # fmt: skip
+    ways = (
+        (pm.read_run(run), f"found this Run, expected a FitResult: give pm.read_run('{run}').fit"),
+        (run, f"give pm.read_run('{run}').fit"),
+        (fitted.experiment, "found this Experiment, expected a FitResult: give pm.fit(experiment)"),
+        (None, "found None, expected a FitResult: give pm.fit(experiment), or pm.read_run(folder)"),
+    )
+    for call in calls:
+        for given, said in ways:
+            with pytest.raises(pm.InputError) as caught:
+                call(given)
+            assert said in str(caught.value)
 
 
 @pytest.mark.parametrize("given", ["study.toml", None, 3])

@@ -161,3 +161,21 @@ def test_a_disk_that_is_full_stops_fit_and_add_in_a_sentence(study, command, lim
     assert "Traceback" not in done.stderr
     files = {path.name: path.read_bytes() for path in study.parent.iterdir() if path.is_file()}
     assert files == before
+
+
+def test_a_folder_in_place_of_its_study_is_refused_with_the_studys_name(study, tmp_path):
+    assert refused("fit", study.parent).endswith(f"expected a study file (.toml); give {study}")
+    assert refused("fit", tmp_path).endswith("expected a study file (.toml); check the path")
+
+
+def test_what_a_scan_cannot_use_is_said_before_a_folder_is_made(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = refused("scan", "--plant", "force_drft")
+    assert said.endswith("'force_drft'; the nearest right name is 'force_drift', or give a file of "
+                         "hooks that ends with .py")  # fmt: skip
+    for option, what in (("--truth", "true map"), ("--lab", "laboratory")):
+        said = refused("scan", option, "none.toml")
+        assert (
+            said == f"palpmap: none.toml: no such file, expected a {what} (.toml); check the path"
+        )
+    assert not list(tmp_path.iterdir())

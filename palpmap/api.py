@@ -200,9 +200,16 @@ def compare_runs(one: FitResult, other: FitResult) -> MapChange:
         {e.name: e for f in (other, one) for e in catalogue_with(f.experiment.own_effects)}.values()
     )
     try:
-        return MapChange(one, other, run_difference(one, other, low, high, catalogue))
+        found = run_difference(one, other, low, high, catalogue)
     except ValueError as error:
         raise InputError(str(error)) from error
+    notes = ()
+    if seen := int(np.sum(np.isin(other.force_n, one.force_n))):
+        notes = (
+            f"{seen} of {len(other.force_n)} readings of the other run were fitted in the one, "
+            "too: both maps share their errors, and the standard errors hold for scans apart.",
+        )
+    return MapChange(one, other, found, notes)
 
 
 def scan(

@@ -220,6 +220,7 @@ class DifferenceRecord(FileRecord):
     ratio: float = Field(description="other modulus over the one, there")
     standard_errors: float = Field(description="difference of ln E over its standard error, there")
     changes: tuple[ChangeRecord, ...] = Field(description="of the parameters")
+    notes: tuple[str, ...] = Field((), description="sentences about the two scans")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -230,6 +231,7 @@ class MapChange(Shown):
     ----------
     one, other : the fits
     difference : of maps and effects (`identify.residual.two_runs.RunDifference`)
+    notes : sentences about the two scans
 
     Examples
     --------
@@ -242,6 +244,7 @@ class MapChange(Shown):
     one: FitResult
     other: FitResult
     difference: RunDifference
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"MapChange({self.maps_differ})"
@@ -263,7 +266,8 @@ class MapChange(Shown):
     def _renderables(self) -> Sequence[RenderableType]:
         from palpmap.report.difference_report import difference_summary
 
-        return difference_summary(self.difference, self._origin_m)
+        said = difference_summary(self.difference, self._origin_m)
+        return [*said, *(f"- {note}" for note in self.notes)]
 
     def _picture(self) -> Figure:
         return self.plot()
@@ -292,6 +296,7 @@ class MapChange(Shown):
             ratio=float(np.exp(d.log_ratio[at])),
             standard_errors=float(d.standard_errors[at]),
             changes=tuple(ChangeRecord(**vars(change)) for change in d.changes),
+            notes=self.notes,
         )
 
     def to_dict(self) -> dict[str, object]:
@@ -310,5 +315,5 @@ class MapChange(Shown):
         names = [fit.experiment.study.name for fit in (self.one, self.other)]
         write_difference_report(
             self.difference, folder / "report.html", names=names, origin_m=self._origin_m,
-            pictures=pictures, how=how_made(folder),
+            notes=self.notes, pictures=pictures, how=how_made(folder),
         )  # fmt: skip

@@ -1,6 +1,6 @@
 """Report and console tables of two runs on one body."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,15 +40,32 @@ def statement_of(d: RunDifference, origin_m: np.ndarray) -> str:
             f"The largest difference, at ({x:.0f}, {y:.0f}, {z:.0f}) mm, is smaller than its "
             f"error, {far:.1f} of it: there the two scans cannot tell the maps apart"
         )
-    names = dict.fromkeys(c.name.rpartition(".")[0] for c in d.changed if "." in c.name)
-    names = [name for name in names if not name.startswith("inclusion_")]
-    instrument = f"Of the effects, {', '.join(names)} differ." if names else "No effect differs."
+    alone = _effects(c.name for c in d.changed if None in (c.one, c.other))
+    other = _effects(c.name for c in d.changed if None not in (c.one, c.other))
+    instrument = "" if alone or other else " No effect differs."
+    if alone:
+        instrument = (
+            f" In one run alone: {', '.join(alone)}; the maps were found beside different models, "
+            "and may differ by that."
+        )
+    if other:
+        instrument += f" Effects with other values: {', '.join(other)}."
     held = f" The maps are those with {', '.join(d.in_maps)} in them." if d.in_maps else ""
     beside = (
         f" The stiffness is not in the maps alone; of what changes it beside them, the runs differ "
         f"in: {', '.join(d.beside_maps)}."
     )
-    return f"{where}. {instrument}{held}{beside if d.beside_maps else ''}"
+    return f"{where}.{instrument}{held}{beside if d.beside_maps else ''}"
+
+
+def _effects(names: Iterable[str]) -> list[str]:
+    """Return the effects of some parameters, each once; those of a map are none.
+
+    >>> _effects(["force_drift.rate_n_per_s", "inclusion_1.x_m", "background_pa"])
+    ['force_drift']
+    """
+    effects = dict.fromkeys(name.rpartition(".")[0] for name in names if not units.is_of_map(name))
+    return list(effects)
 
 
 def changes_table(d: RunDifference, origin_m: np.ndarray) -> Table:
@@ -85,6 +102,7 @@ def write_difference_report(
     *,
     names: Sequence[str],
     origin_m: np.ndarray,
+    notes: Sequence[str],
     pictures: Mapping[str, bytes],
     how: Mapping[str, str],
 ) -> None:
@@ -99,6 +117,7 @@ def write_difference_report(
         differ=d.bodies_differ,
         statement=statement_of(d, origin_m),
         changes=changes_table(d, origin_m),
+        notes=tuple(notes),
         pictures=pictures,
         how=Table.of(("", ""), how.items()),
     )

@@ -58,7 +58,12 @@ def test_an_effect_of_one_run_alone_and_another_value_are_named(fits):
     two = replace(fits[1], estimates={**fits[1].parameters, "force_bias.bias_n": other})
     names = [c.name for c in run_difference(one, two, BOX, BOX, CATALOGUE).changed]
     assert names == ["force_bias.bias_n"]
-    (alone,) = run_difference(one, fits[1], BOX, BOX, CATALOGUE).changed
+    said = statement_of(run_difference(one, two, BOX, BOX, CATALOGUE), np.zeros(3))
+    assert said.endswith("Effects with other values: force_bias.")
+    found = run_difference(one, fits[1], BOX, BOX, CATALOGUE)
+    said = statement_of(found, np.zeros(3))
+    assert "In one run alone: force_bias; the maps were found beside different models" in said
+    (alone,) = found.changed
     assert (alone.one, alone.other, alone.standard_errors) == (0.01, None, None)
 
 

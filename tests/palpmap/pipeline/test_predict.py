@@ -118,6 +118,8 @@ def test_two_runs_are_compared_with_a_report(tmp_path):
     assert "is smaller than its error, 0.0 of it" in record["statement"]
     report = (tmp_path / "run" / "report.html").read_text()
     assert "The maps agree" in report
+    assert "264 of 264 readings of the other run were fitted in the one, too" in report
+    assert record["notes"]
     assert all(str(source / "fit.json") in report for source in (RUN, again))
 
 

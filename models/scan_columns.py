@@ -66,16 +66,23 @@ class Where:
         return f"{self.row(row)}, column {column}"
 
 
+_LEAST_START = 3  # letters of a name's beginning that stand for it
+
+
 def nearest(name: str, known: tuple[str, ...]) -> str:
     """Return "; the nearest right name is ..." or nothing, for a name that is not known.
 
     >>> nearest("forze_n", ("force_n", "time_s"))
     "; the nearest right name is 'force_n'"
+    >>> nearest("skin", ("skin_layer", "hysteresis"))
+    "; the nearest right name is 'skin_layer'"
     >>> nearest("temp_c", ("tip_qz", "time_s"))
     ''
     """
-    folded = {k.lower(): k for k in known}
-    match = difflib.get_close_matches(name.strip().lower(), folded, n=1, cutoff=0.6)
+    folded, word = {k.lower(): k for k in known}, name.strip().lower()
+    match = difflib.get_close_matches(word, folded, n=1, cutoff=0.6)
+    if not match and len(word) >= _LEAST_START:
+        match = [k for k in folded if k.startswith(word)]
     return f"; the nearest right name is '{folded[match[0]]}'" if match else ""
 
 

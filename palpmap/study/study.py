@@ -153,9 +153,8 @@ class Map(Table):
         for name in [*self.initial, *self.fixed]:
             if name not in known:
                 near = nearest(name, tuple(known))
-                raise ValueError(
-                    f"parameters of {self.inclusions} inclusions; '{name}' is none{near}"
-                )
+                number = f"{self.inclusions} inclusion{'' if self.inclusions == 1 else 's'}"
+                raise ValueError(f"parameters of {number}; '{name}' is none{near}")
         both = self.initial.keys() & self.fixed.keys()
         if both:
             raise ValueError(f"'{min(both)}' in [map.initial] or [map.fixed], not in both")

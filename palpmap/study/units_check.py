@@ -14,6 +14,7 @@ LARGEST_RADIUS_M = 0.05
 LARGEST_NOISE_M = 0.005
 SOFTEST_BASE_M_PER_PA = 1e-3  # a body of 50 mm and 1 kPa is 5e-5 m/Pa
 SOFTEST_BODY_PA = 50.0
+HARDEST_BODY_PA = 1e7  # the rubber of a car's tyre; a scan of a harder body is refused, too
 _IN_FILE = "set units_checked = true under [study]"
 _IN_PYTHON = "give units_checked=True"
 
@@ -60,6 +61,12 @@ def check_units(path: Path | None, study: "Study") -> None:
                 f"{where}map.{table}.background_pa: found {background:g} Pa, expected at "
                 f"least {SOFTEST_BODY_PA:g} Pa; this looks like kilopascals: multiply by 1000 "
                 f"({escape})"
+            )
+        background = getattr(study.map, table).get("background_pa", 0.0)
+        if background > HARDEST_BODY_PA:
+            raise InputError(
+                f"{where}map.{table}.background_pa: found {background:g} Pa, expected at most "
+                f"{HARDEST_BODY_PA:g} Pa of a soft body; correct it ({escape})"
             )
     noise = study.noise.force_n or 0.0
     if noise > 2.0:

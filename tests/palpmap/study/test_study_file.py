@@ -161,7 +161,7 @@ BAD = {
     "a parameter of no inclusion": (
         "inclusions = 1",
         "inclusions = 1\n[map.fixed]\ninclusion_2.z_m = 0.01",
-        r"parameters of 1 inclusions; 'inclusion_2.z_m' is none",
+        r"parameters of 1 inclusion; 'inclusion_2.z_m' is none",
     ),
     "a parameter that is text": (
         "inclusions = 1",
@@ -182,6 +182,16 @@ BAD = {
         "inclusions = 1",
         "[map.initial]\nbackground_pa = -6000.0",
         r"map.initial: expected a number greater than 0 for 'background_pa', not -6000.0",
+    ),
+    "a background as hard as steel": (
+        "inclusions = 1",
+        "[map.fixed]\nbackground_pa = 2e11",
+        r"map.fixed.background_pa: found 2e\+11 Pa, expected at most 1e\+07 Pa of a soft body",
+    ),
+    "the beginning of an effect's name": (
+        "inclusions = 1",
+        'inclusions = 1\n[[effects]]\nname = "skin"',
+        r"not 'skin'; the nearest right name is 'skin_layer'",
     ),
     "an inclusion of no size": (
         "inclusions = 1",

@@ -45,7 +45,7 @@ def run_review(
     Raises
     ------
     InputError
-        If there is no recording of palpmap.
+        If there is no recording of palpmap, or no such press or time in it.
     """
     recording = find_recording(run)
     integrity = examine(recording)
@@ -53,8 +53,27 @@ def run_review(
         return _summarize(recording, output)
     with readable(recording, integrity) as file:
         if png:
+            if at is not None:
+                _refuse_beyond(recording, at)
             return _render(recording, file, output, at)
         return _open(recording, file, output)
+
+
+def _refuse_beyond(recording: Path, at: Instant) -> None:
+    """Refuse a press or a time that the recording does not have."""
+    from palpmap.recording.reader import read_summary
+
+    spans = read_summary(recording).spans
+    asked = (("--press", "press", at.press, ""), ("--time", "sim_time", at.time_s, " s"))
+    for option, timeline, value, unit in asked:
+        if value is None:
+            continue
+        low, high = spans.get(timeline, (0.0, 0.0))
+        if not low <= value <= high:
+            raise InputError(
+                f"{option}: found {value:g}{unit}, expected {low:g} to {high:g}{unit}, as "
+                f"{recording} holds; give one of these"
+            )
 
 
 def find_recording(run: Path) -> Path:

@@ -45,6 +45,15 @@ def test_a_missing_run_and_a_folder_without_recording_are_refused(tmp_path):
         review(tmp_path, summary=True)
 
 
+def test_a_press_or_a_time_beyond_the_recording_is_refused(run):
+    for at, said in (
+        (rerun_viewer.Instant(press=2), "--press: found 2, expected 0 to 1, as"),
+        (rerun_viewer.Instant(time_s=1e9), r"--time: found 1e\+09 s, expected 0 to 2 s, as"),
+    ):
+        with pytest.raises(InputError, match=said):
+            run_review(run=run, png=True, summary=False, output=Output(), at=at)
+
+
 def test_the_summary_as_json_is_one_object_with_the_numbers(run, capsys):
     assert review(run, summary=True, json=True)
     record = json.loads(capsys.readouterr().out)

@@ -303,6 +303,13 @@ class MapChange(Shown):
         """Return the difference as plain data, as difference.json holds it."""
         return dict(self.record.to_dict())
 
+    def write(self, folder: str | Path) -> Path:
+        """Write a run folder: difference.json, the picture, report.html."""
+        inputs = dict.fromkeys([*self.one.experiment.inputs, *self.other.experiment.inputs])
+        with RunFolder("compare", Path(folder), inputs=list(inputs)) as run:
+            self.write_files(run.path)
+            return run.path
+
     def write_files(self, folder: Path) -> None:
         """Write difference.json, the picture and report.html into a folder that is there."""
         from palpmap.figures.fit import save_figures

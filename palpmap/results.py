@@ -275,6 +275,14 @@ class Comparison(Shown):
 
         return drawn(draw_along, self.fit.finding)
 
+    def write(self, folder: str | Path) -> Path:
+        """Write a run folder: comparison.json, the figures, report.html."""
+        from palpmap.run_files.fit_run import write_finding
+
+        with RunFolder("compare", Path(folder), inputs=self.fit.experiment.inputs) as run:
+            write_finding(self.fit.finding, run.path)
+            return run.path
+
     def to_dict(self) -> dict[str, object]:
         """Return the comparison as plain data, as comparison.json holds it."""
         return self.record.to_dict()

@@ -87,6 +87,13 @@ class Diagnosis(Shown):
         """Return the diagnosis as plain data, as diagnosis.json holds it."""
         return self.record.to_dict()
 
+    def write(self, folder: str | Path) -> Path:
+        """Write the run folder of `palpmap diagnose`: diagnosis.json."""
+        inputs = self.experiment.inputs
+        with RunFolder("diagnose", Path(folder), seed=self.seed, inputs=inputs) as run:
+            self.record.write(run / "diagnosis.json")
+            return run.path
+
     def _renderables(self) -> Sequence[RenderableType]:
         from palpmap.report.diagnose_console import diagnosis_screen
 

@@ -20,6 +20,7 @@ from identify.map.parameters import any_inclusion
 from identify.measurement.linearised import Linearised
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
+from models import InputError
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ class FitResult:
     @property
     def _live(self) -> Solution:
         if self.solution is None:
-            raise ValueError("this fit was read from a file, without its model: fit the scan again")
+            raise InputError("this fit was read from a file, without its model: fit the scan again")
         return self.solution
 
     @property

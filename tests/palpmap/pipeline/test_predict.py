@@ -149,6 +149,18 @@ def test_nothing_to_compare_is_said_with_all_that_can_be_compared(tmp_path):
     assert "no such file or folder, expected a run folder or a study file" in done.stderr
 
 
+def test_what_python_compares_writes_itself(tmp_path):
+    fit = pm.read_run(RUN).fit
+    for found, name in ((pm.compare(fit), "comparison"), (pm.compare_runs(fit, fit), "difference")):
+        folder = found.write(tmp_path / name)
+        files = {path.name for path in folder.iterdir()}
+        assert {f"{name}.json", "report.html", "run.json"} <= files
+    found = pm.diagnose(fit.experiment, [pm.CATALOGUE["contact_offset"]])
+    assert (found.write(tmp_path / "diagnosis") / "diagnosis.json").is_file()
+    with pytest.raises(InputError, match="read from a file, without its model: fit the scan again"):
+        fit.sample(1000)
+
+
 def test_readings_that_the_fit_has_seen_are_said():
     fit = pm.read_run(RUN).fit
     again = pm.predict(fit, fit.experiment)

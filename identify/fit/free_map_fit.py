@@ -258,8 +258,8 @@ class FreeMapFit:
         model = replace(point.model, map_uncertainty=uncertain)
         at = model.around(point.body, point.u)
         field = Field.of(
-            posterior, self.hyper, self.level, model, at, self.settings.absorbed, success,
-            readings.error, readings.doubt > 0, self.lengths_m,
+            posterior, point.field, self.hyper, self.level, model, at, self.settings.absorbed,
+            success, readings.error, readings.doubt > 0, self.lengths_m,
         )  # fmt: skip
         return fit_result(
             model, point.u, at, replace(PRECISE, curved_intervals=False), success=success,

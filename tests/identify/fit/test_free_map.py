@@ -16,7 +16,7 @@ from identify.fit.free_map.field import fifths
 from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.field_evidence import Hyper, best_hyper
 from identify.fit.free_map.field_posterior import FieldPosterior
-from identify.fit.free_map.settings import FREE_MAP
+from identify.fit.free_map.settings import FREE_MAP, SPOTS
 from identify.fit.free_map_fit import FreeMapFit
 from identify.map import FreeMap, Grid, MaternField
 from identify.map.parameters import ParameterSpace
@@ -286,6 +286,14 @@ def test_a_fit_recovers_a_field_where_it_sees_and_says_where_it_does_not(body, g
     shallow, deep = (fit.field.share[inner & at] for at in (depth < 0.007, depth > 0.025))
     assert shallow.mean() > deep.mean() + 0.2
     assert 0.003 < fit.field.sight_m < SIZE_M[2] + 1e-9
+    # Table and draws are of the map that is shown
+    seen = fit.field.share >= SPOTS.seen
+    assert fit.field.log_mean == pytest.approx(fit.map.log_pa[seen].mean(), abs=1e-12)
+    drawn = fit.field.draws(np.random.default_rng(1), 1500)
+    assert np.abs(drawn.mean(axis=0) / fit.field.log_sd).max() < 0.15  # 5 sigma
+    assert drawn.std(axis=0) == pytest.approx(fit.field.log_sd, rel=0.1)
+    with pytest.raises(ValueError, match="read from a file"):
+        replace(fit.field, posterior=None).draws(rng, 1)
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,8 @@ def test_regions_of_a_scan_have_their_moduli_within_their_bands(experiment, tmp_
     assert (outside.label, inside.label) == (0, 1)
     for found in (outside, inside):
         assert found.lower95_pa < TRUE_PA[found.label] < found.upper95_pa
+        own = fit.map.log_pa[fit.map.grid.labels == found.label]
+        assert found.modulus_pa == pytest.approx(np.exp(own.mean()))
     assert outside.seen > 0.95
     # One voxel to either side of the border, far below the spacing of the grid
     pair = np.array([[0.027, 0.031, 0.0213], [0.027, 0.031, 0.0227]])

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from identify.effects import percent
+from identify.effects import Readings, percent
 from identify.fit import SPOTS, Field, FitResult, RegionEstimate, Spot
 from models import Scan
 from palpmap import units
@@ -28,8 +28,9 @@ def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Tabl
         f"they trust noise and contact law, which leave {fit.chi2_per_dof:.2g} times the misfit of "
         "noise: believe no spot that the presses' own stiffness does not show",
     )  # fmt: skip
-    readings = fit.model.readings
-    rim = _rim(field.spots, readings.point_m[readings.first], readings.scales.across, origin_m)
+    readings = Readings.of(scan)
+    pressed_m = readings.point_m[readings.first] - origin_m
+    rim = _rim(field.spots, pressed_m, readings.scales.across, origin_m)
     return (
         *regions,
         spots,

@@ -76,6 +76,8 @@ def test_a_free_fit_is_written_read_and_compared(tmp_path):
     again = pm.read_run(run).fit
     compared = runner.invoke(app, ["compare", str(run)])
     assert compared.exit_code in (0, 1), compared.output
+    assert "Traceback" not in compared.output
+    assert compared.exception is None or isinstance(compared.exception, SystemExit)
     import pyvista
 
     volume = pyvista.read(run / "map.vti")

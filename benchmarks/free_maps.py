@@ -1,9 +1,11 @@
 """Free maps of bodies that no smooth prior draws: coverage of their bands, and odds of their spots.
 
-    python benchmarks/free_maps.py [--seeds 0 8] [--kinds ball layer] [--out free_maps.jsonl]
+    python benchmarks/free_maps.py [--seeds 0 8] [--kinds ball layer] [--smoothness 0.5]
+        [--out free_maps.jsonl]
 
-For every seed a body of each kind: a cube, a torus, two lobes, a layer, nothing, and a ball of
-10 mm with three times the modulus around it, the last at a depth of 5 to 18 mm. Edges are sharp;
+For every seed a body of each kind: a cube, a torus, two lobes, a layer, nothing, a ball of 10 mm
+with three times the modulus around it at a depth of 5 to 18 mm, and two bodies that steep walls
+divide: on one side of a plane, or between two, the modulus differs at every depth. Edges are sharp;
 the truth has a finer mesh of its own. 49 presses with a flat tip of 4 mm on a bonded block of
 80 x 80 x 40 mm. Every line goes to a file, from which an interrupted run goes on.
 
@@ -34,7 +36,7 @@ from identify.map import GaussianMap
 
 SIZE_M, NU, TIP_M, PER_SIDE = (0.08, 0.08, 0.04), 0.45, 0.004, 7
 NOISE_M, NOISE_N, FORCES_N = 1e-5, 3e-3, np.linspace(0.04, 0.3, 8)
-KINDS = ("cube", "torus", "lobes", "layer", "nothing", "ball")
+KINDS = ("cube", "torus", "lobes", "layer", "nothing", "ball", "step", "slab")
 BALL_M, CONTRAST, NEAR_M = 0.005, 3.0, 0.007
 DEEPEST_M = 0.018
 
@@ -75,6 +77,10 @@ class Body(GaussianMap):
             return near | ((x - 0.012) ** 2 + y**2 + (1.5 * z) ** 2 < b**2)
         if self.kind == "layer":
             return np.abs(z) < h / 2
+        if self.kind == "step":
+            return x > 0
+        if self.kind == "slab":
+            return np.abs(x) < a
         if self.kind == "ball":
             return np.linalg.norm(away, axis=1) < BALL_M
         return np.zeros(len(points), bool)
@@ -96,9 +102,9 @@ def truth_model() -> PalpationModel:
     )
 
 
-def trial(job: tuple[str, int]) -> dict:
+def trial(job: tuple[str, int, float]) -> dict:
     """Scan and fit one body; return its line."""
-    kind, seed = job
+    kind, seed, smoothness = job
     body, at, started = Body(kind, seed), truth_model().contacts, time.process_time()
     c, n = compliance(truth_model(), body), len(FORCES_N)
     rng = np.random.default_rng([seed, KINDS.index(kind), 8])
@@ -114,7 +120,7 @@ def trial(job: tuple[str, int]) -> dict:
     known = pm.Experiment(
         scan, pm.Block(SIZE_M, poisson_ratio=NU), pm.FlatTip(TIP_M),
         noise=pm.Noise(displacement_m=NOISE_M, force_n=NOISE_N),
-    ).of_kind("free")  # fmt: skip
+    ).of_kind("free", smoothness)  # fmt: skip
     fit = pm.fit(known)
     field, grid = fit.field, fit.map.grid
     off = np.log(body.modulus(grid.points_m)) - fit.map.log_pa
@@ -122,7 +128,8 @@ def trial(job: tuple[str, int]) -> dict:
     apart = [float(np.linalg.norm(np.array([s.x_m, s.y_m, s.z_m]) - body.place))
              for s in field.spots]  # fmt: skip
     return {
-        "kind": kind, "seed": seed, "success": fit.success, "chi2_per_dof": fit.chi2_per_dof,
+        "kind": kind, "seed": seed, "smoothness": smoothness,
+        "success": fit.success, "chi2_per_dof": fit.chi2_per_dof,
         "held_seen": float(held[seen].mean()), "held": float(held.mean()),
         "rms_off": float(np.sqrt(np.mean(off[seen] ** 2))),
         "evaluations": fit.nfev, "seen": float(seen.mean()),
@@ -194,14 +201,20 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 8))
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--smoothness", type=float, choices=(0.5, 1.5), default=1.5)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("free_maps.jsonl"))
     given = parser.parse_args()
     lines = (
         [json.loads(t) for t in given.out.read_text().splitlines()] if given.out.exists() else []
     )
+    smoothness = given.smoothness
+    lines = [line for line in lines if line.get("smoothness", 1.5) == smoothness]
     played = {(line["kind"], line["seed"]) for line in lines}
-    jobs = [(k, s) for s in range(*given.seeds) for k in given.kinds if (k, s) not in played]
+    jobs = [
+        (k, s, smoothness)
+        for s in range(*given.seeds) for k in given.kinds if (k, s) not in played
+    ]  # fmt: skip
     with (
         multiprocessing.get_context("spawn").Pool(given.workers) as pool,
         given.out.open("a") as file,

@@ -133,13 +133,21 @@ class Experiment:
         study = self.study.model_copy(update={"uncertainty": asked})
         return Experiment.of(self.scan, study, self.source)
 
-    def of_kind(self, kind: Literal["inclusions", "free"]) -> Experiment:
-        """Return the experiment with another kind of map, inclusions of a number to be found."""
+    def of_kind(
+        self, kind: Literal["inclusions", "free"], smoothness: float | None = None
+    ) -> Experiment:
+        """Return the experiment with another kind of map, inclusions of a number to be found.
+
+        `smoothness` of a free map is 1.5 for gradual changes, 0.5 for a body with steep walls; None
+        is the study's.
+        """
         number = "auto" if kind == "inclusions" else 1
         study_map = self.study.map
         table = Map(kind=kind, inclusions=number) if kind == "inclusions" else Map(
             kind=kind, length_m=study_map.length_m, spread=study_map.spread,
-            regions=study_map.regions, regions_unit_m=study_map.regions_unit_m,
+            smoothness=study_map.smoothness if smoothness is None else smoothness,
+            regions=study_map.regions,
+            regions_unit_m=study_map.regions_unit_m,
         )  # fmt: skip
         study = self.study.model_copy(update={"map": table})
         return Experiment.of(self.scan, study, self.source)

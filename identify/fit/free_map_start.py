@@ -14,7 +14,7 @@ from identify.effects.readings import Readings
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
-from identify.fit.free_map.field_evidence import Hyper
+from identify.fit.free_map.field_evidence import SMOOTH, Hyper
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
 from identify.fit.free_map_fit import FreeMapFit
 from identify.fit.result import FitResult
@@ -74,12 +74,13 @@ def fit_free_map(
         ParameterSpace(start, (), ()), tuple(parts), unit_compliance=REFERENCE_PA * homogeneous,
     )  # fmt: skip
     first = settings.first_length * float(np.ptp(body.coarse.probed_m, axis=0).min())
-    given = {"length_m": guess.length_m, "spread": guess.spread}
+    given = {"length_m": guess.length_m, "spread": guess.spread, "smoothness": guess.smoothness}
     hyper = Hyper(
         guess.length_m or float(np.clip(first, least, longest)),
         guess.spread or settings.first_spread,
         settings.first_error,
         tuple(name for name, value in given.items() if value is not None),
+        guess.smoothness or SMOOTH,
     )
     return FreeMapFit(model, hyper, lengths_m, progress, settings, shown.compliance, weight).run()
 

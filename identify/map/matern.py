@@ -1,11 +1,13 @@
-"""A Gaussian field on a grid with Matern covariance, nu = 3/2: a prior for a map of any shape.
+"""A Gaussian field on a grid with Matern covariance: a prior for a map of any shape.
 
-    cov(r) = spread^2 (1 + s) exp(-s),    s = sqrt(3) r / length
+    cov(r) = spread^2 (1 + s) exp(-s),    s = sqrt(3) r / length,    smoothness nu = 3/2
+    cov(r) = spread^2 exp(-r / length),                              smoothness nu = 1/2
 
-and a level common to all places, or to each labelled region, with a wide prior of its own; and
-layers, a field of the height alone: bodies even from side to side are often layered, and readings
-that show no change across the surface must not vouch for the depth. Products with the covariance
-are convolutions, made exact on a grid padded to twice its size (circulant
+The second bends steeply where a wall asks for it; the first explains one by layers that are not
+there. Beside the field stand a level common to all places, or to each labelled region, with a wide
+prior of its own; and layers, a field of the height alone: bodies even from side to side are often
+layered, and readings that show no change across the surface must not vouch for the depth. Products
+with the covariance are convolutions, made exact on a grid padded to twice its size (circulant
 embedding, Dietrich and Newsam, SIAM J. Sci. Comput. 18, 1997), so that the (g, g) covariance is
 never formed.
 """
@@ -24,7 +26,7 @@ from identify.map.grid import Grid
 fft: Any = scipy_fft  # its stubs describe the dispatch, not the arrays
 
 _BATCH = 8  # fields that are transformed together: more leave the processor's cache
-_FAR = 5.0  # lengths beyond which a correlation does not count (below 0.2 %)
+_FAR = {1.5: 5.0, 0.5: 6.5}  # lengths beyond which a correlation does not count (below 0.2 %)
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class MaternField:
     spread : standard deviation of the field about its level
     level_spread : standard deviation of the level
     layer_spread, layer_length_m : of the layers; no spread for none
+    smoothness : nu, 1.5 or 0.5
     """
 
     grid: Grid
@@ -46,10 +49,11 @@ class MaternField:
     level_spread: float = 0.0
     layer_spread: float = 0.0
     layer_length_m: float = 1.0
+    smoothness: float = 1.5
 
     def covariance(self, distance_m: np.ndarray) -> np.ndarray:
         """Covariance at distances, without those of level and layers."""
-        return self.spread**2 * _correlation(distance_m, self.length_m)
+        return self.spread**2 * _correlation(distance_m, self.length_m, self.smoothness)
 
     @property
     def variance(self) -> float:
@@ -60,7 +64,7 @@ class MaternField:
     def _of_layers(self) -> np.ndarray:
         """Covariance (nz, nz) of the layers."""
         z = self.grid.spacing_m[2] * np.arange(self.grid.counts[2])
-        correlation = _correlation(np.abs(z[:, None] - z), self.layer_length_m)
+        correlation = _correlation(np.abs(z[:, None] - z), self.layer_length_m, self.smoothness)
         return self.layer_spread**2 * correlation
 
     def common(self, rows: np.ndarray) -> np.ndarray:
@@ -115,7 +119,7 @@ class MaternField:
     @cached_property
     def _wide(self) -> tuple[tuple[int, ...], np.ndarray]:
         """The same for draws: wide enough that no eigenvalue is much below zero."""
-        reach = [round(_FAR * self.length_m / h) for h in self.grid.spacing_m]
+        reach = [round(_FAR[self.smoothness] * self.length_m / h) for h in self.grid.spacing_m]
         pairs = zip(self.grid.counts, reach, strict=True)
         return self._spectrum([max(2 * n - 1, n + min(r, 3 * n)) for n, r in pairs])
 
@@ -130,6 +134,8 @@ class MaternField:
         return size, fft.rfftn(kernel).real
 
 
-def _correlation(distance_m: np.ndarray, length_m: float) -> np.ndarray:
+def _correlation(distance_m: np.ndarray, length_m: float, smoothness: float) -> np.ndarray:
+    if smoothness == 0.5:
+        return np.exp(-distance_m / length_m)
     s = np.sqrt(3) * distance_m / length_m
     return (1 + s) * np.exp(-s)

@@ -120,11 +120,13 @@ def _curved(contacts: Contacts, surface: Surface | None) -> Contacts:
 class FieldGuess:
     """Length (m) and spread of a free map's prior; None is found by evidence.
 
-    `regions`, in the body's frame, have a level each.
+    Its smoothness is that of a Matern field, 1.5, which None is, or 0.5. `regions`, in the body's
+    frame, have a level each.
     """
 
     length_m: float | None = None
     spread: float | None = None
+    smoothness: float | None = None
     regions: LabelVolume | None = None
 
 

@@ -11,6 +11,11 @@ from models import Scan
 from palpmap import units
 from palpmap.result.tables import Cell, Table, number
 
+_SMOOTHNESS = {
+    1.5: '1.5, for gradual changes; of a body with steep walls, state "smoothness = 0.5"',
+    0.5: "0.5, for steep walls, as given",
+}
+
 
 def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Table, ...]:
     """Return the tables of a free map: regions, spots, sight; none of another map.
@@ -209,6 +214,7 @@ def _sight_table(field: Field, scan: Scan, notes: Sequence[tuple[str, ...]]) -> 
         ("depth of sight", _sight(field.sight_m, bool(field.regions))),
         (f"a ball of {1e3 * SPOTS.ball_m:.0f} mm, {SPOTS.ball_contrast:.0f} times as hard", ball),
         ("length", f"{units.quantity(hyper.length_m, 'm')}, {by('length_m')}"),
+        ("smoothness", _SMOOTHNESS[hyper.smoothness]),
         ("spread of ln E", f"{hyper.spread:.2g}, {by('spread')}"),
         ("effective parameters", f"{field.effective:.0f}"),
         ("log evidence", f"{field.log_evidence:.1f}"),

@@ -80,7 +80,7 @@ def open_study(
             in_body_frame(study.map.fixed),
             None
             if study.map.kind == "inclusions"
-            else FieldGuess(study.map.length_m, study.map.spread, regions),
+            else FieldGuess(study.map.length_m, study.map.spread, study.map.smoothness, regions),
             study.map.kind == "auto",
         ),
         tuple(

@@ -91,8 +91,9 @@ class Map(Table):
 
     Names are `background_pa` and `inclusion_1.weight_pa`, `.x_m`, `.y_m`, `.z_m`, `.radius_m`;
     positions are in the scan's frame. A "free" map has any shape: the logarithm of the modulus is a
-    Gaussian field, whose smoothness is found from the scan or given: `length_m`, the distance over
-    which it changes, and `spread`, the standard deviation of the logarithm. Of a free map each
+    Gaussian field, whose prior is found from the scan or given: `length_m`, the distance over which
+    it changes, and `spread`, the standard deviation of the logarithm. A `smoothness` of 0.5 is for
+    a body with steep walls, in place of 1.5 for gradual changes. Of a free map each
     region of a label volume (`regions`, a file in the scan's frame, in units of `regions_unit_m`)
     has a level of its own. "auto" takes the kind for which the scan gives more evidence.
     """
@@ -100,6 +101,7 @@ class Map(Table):
     kind: Literal["inclusions", "free", "auto"] = "inclusions"
     length_m: Positive | None = None
     spread: Annotated[Positive, Field(le=4)] | None = None
+    smoothness: float | None = None
     regions: File | None = None
     regions_unit_m: Positive | None = None
     inclusions: int | Literal["auto"] = 1
@@ -112,6 +114,13 @@ class Map(Table):
         if value == "auto" or (type(value) is int and 0 <= value <= MOST_INCLUSIONS):
             return value
         raise ValueError(f'a whole number from 0 to {MOST_INCLUSIONS}, or "auto"')
+
+    @field_validator("smoothness", mode="before")
+    @classmethod
+    def _one_of_two(cls, value: Any) -> Any:
+        if value is None or (type(value) is float and value in (0.5, 1.5)):
+            return value
+        raise ValueError("1.5, for a map that changes gradually, or 0.5, for steep walls")
 
     @field_validator("initial", "fixed", mode="before")
     @classmethod
@@ -136,7 +145,7 @@ class Map(Table):
     @model_validator(mode="after")
     def _kind_has_its_keys(self) -> "Map":
         free = self.kind != "inclusions"
-        field = ("length_m", "spread", "regions", "regions_unit_m")
+        field = ("length_m", "spread", "smoothness", "regions", "regions_unit_m")
         of_others = ("inclusions", "initial", "fixed") if free else field
         for key in of_others:
             if key in self.model_fields_set and getattr(self, key) not in ({}, None):

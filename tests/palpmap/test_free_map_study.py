@@ -38,6 +38,8 @@ def study(folder: Path, table: str) -> Path:
         ("length_m = 0.01", "no key 'length_m'"),
         ('kind = "free"\nspread = 9.0', "less than or equal to 4"),
         ('kind = "free"\nlength_m = 12.0', "divide by 1000"),
+        ('kind = "free"\nsmoothness = 1.0', "1.5, for a map that changes gradually, or 0.5"),
+        ("smoothness = 0.5", "no key 'smoothness'"),
         ('kind = "fre"', "nearest right name is 'free'"),
     ],
 )
@@ -90,6 +92,20 @@ def test_a_free_fit_is_written_read_and_compared(tmp_path):
     assert "depth of sight" in report
     assert "a ball of 10 mm, 3 times as hard" in report
     assert 0 <= again.field.ball_sight_m < 0.03
+
+
+def test_a_stated_smoothness_is_the_priors_and_is_read_again(tmp_path):
+    steep = pm.read_study(study(tmp_path, 'kind = "free"\nsmoothness = 0.5'))
+    fit = pm.fit(steep)
+    assert "0.5, for steep walls" in fit.summary()
+    fit.write(tmp_path / "run")
+    again = pm.read_run(tmp_path / "run").fit
+    assert again.field.hyper.smoothness == 0.5
+    prior = again.field.hyper.prior(again.map.grid)
+    assert prior.covariance(np.array([prior.length_m])) == pytest.approx(prior.spread**2 / np.e)
+    gradual = pm.fit(steep.of_kind("free", 1.5))
+    assert gradual.field.hyper.smoothness == 1.5
+    assert np.abs(gradual.map.log_pa - fit.map.log_pa).max() > 0.01
 
 
 @pytest.mark.slow

@@ -17,23 +17,27 @@ from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
 from identify.map import Grid, LabelledGrid, MaternField
 
+SMOOTH = 1.5  # smoothness of a prior that is not stated
+
 
 @dataclass(frozen=True)
 class Hyper:
-    """Length and spread of the prior, relative error of the map; which of them are `given`."""
+    """Length, spread and smoothness of the prior, relative error of the map; the `given` ones."""
 
     length_m: float
     spread: float
     error: float
     given: tuple[str, ...] = ()
+    smoothness: float = SMOOTH
 
     def prior(self, grid: Grid, settings: FreeMapSettings = FREE_MAP) -> MaternField:
         """Return the prior of a field; labelled regions have their layers among them."""
         height_m = grid.spacing_m[2] * (grid.counts[2] - 1)
-        layers = 0.0 if isinstance(grid, LabelledGrid) else settings.layer_spread
+        layers = settings.layer_spread if self.smoothness == SMOOTH else settings.steep_layer_spread
+        layers = 0.0 if isinstance(grid, LabelledGrid) else layers
         return MaternField(
             grid, self.length_m, self.spread, settings.level_spread,
-            layers, settings.layer_length * height_m,
+            layers, settings.layer_length * height_m, self.smoothness,
         )  # fmt: skip
 
     def towards(self, other: Hyper, longest: float) -> Hyper:
@@ -48,6 +52,7 @@ class Hyper:
             limited(self.spread, other.spread),
             other.error,
             other.given,
+            self.smoothness,
         )
 
 
@@ -150,4 +155,4 @@ def _best_sizes(
     )  # fmt: skip
     spread, error = np.exp(found.x).tolist()
     error = 0.0 if error <= settings.least_error * 1.01 else error
-    return float(found.fun), Hyper(unit.length_m, spread, error, start.given)
+    return float(found.fun), Hyper(unit.length_m, spread, error, start.given, unit.smoothness)

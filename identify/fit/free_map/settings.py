@@ -14,6 +14,7 @@ class FreeMapSettings:
     layer_spread, layer_length : standard deviation of the logarithm of layers, and their thickness
         in the body's height; not found by evidence. Without them an even scan of a body with a soft
         layer gave a map that claimed to see it all, and held nowhere
+    steep_layer_spread : the same of a prior for steep walls, which more layers explain too well
     finest : least length of the prior, in spacings of the grid: a shorter one is no field there
     finest_cell : ... and in the size of the finite elements' cells, whose samples see the map
     longest : largest length, in the largest edge of the body
@@ -65,6 +66,7 @@ class FreeMapSettings:
     grid_points: int = 6000
     level_spread: float = 2.0
     layer_spread: float = 1.0
+    steep_layer_spread: float = 0.5
     layer_length: float = 0.2
     finest: float = 1.5
     finest_cell: float = 0.5

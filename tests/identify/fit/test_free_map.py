@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from benchmarks import free_maps
 from fem import Contacts, PalpationModel, block_mesh
 from identify.body import BodyMechanics
 from identify.effects import Readings
@@ -91,12 +92,13 @@ def linear(body, grid):
 
 
 @pytest.mark.slow
-def test_the_covariance_of_the_prior_is_that_of_its_products_and_draws():
+@pytest.mark.parametrize("smoothness", [1.5, 0.5])
+def test_the_covariance_of_the_prior_is_that_of_its_products_and_draws(smoothness):
     grid = Grid.over(np.array([[0, 0, 0], [0.02, 0.03, 0.01]]), 0.005)
-    prior = MaternField(grid, 0.01, 0.7, 2.0)
+    prior = MaternField(grid, 0.01, 0.7, 2.0, smoothness=smoothness)
     apart = np.linalg.norm(grid.points_m[:, None] - grid.points_m[None], axis=2)
-    s = np.sqrt(3) * apart / 0.01
-    dense = 0.49 * (1 + s) * np.exp(-s) + 4.0
+    s = np.sqrt(2 * smoothness) * apart / 0.01
+    dense = 0.49 * np.exp(-s) * (1 + s if smoothness == 1.5 else 1.0) + 4.0
     assert prior.product(np.eye(len(grid))) == pytest.approx(dense, abs=1e-12)
     drawn = np.cov(prior.draws(np.random.default_rng(0), 20000).T)
     assert drawn == pytest.approx(dense, abs=0.15)  # 4 sigma of 20,000 draws of variance 4.5
@@ -421,3 +423,13 @@ def test_readings_of_presses_that_are_left_out_do_not_count(body, grid):
     assert fit.chi2_per_dof == pytest.approx(fit.chi2 / fit.dof)
     assert fit.history[-1].chi2_per_dof == pytest.approx(fit.history[-1].chi2 / fit.dof)
     assert "smaller than the noise" not in fit.message
+
+
+@pytest.mark.slow
+def test_beside_a_steep_wall_the_bands_of_the_steeper_prior_hold():
+    """One that changes gradually explains the wall by layers that are not there."""
+    job = ("slab", 1)
+    gradual, steep = (free_maps.trial((*job, smoothness)) for smoothness in (1.5, 0.5))
+    assert steep["success"]
+    assert steep["held_seen"] > 0.9 > gradual["held_seen"]
+    assert steep["rms_off"] < 0.8 * gradual["rms_off"]

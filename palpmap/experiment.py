@@ -143,8 +143,8 @@ class Experiment:
         """
         number = "auto" if kind == "inclusions" else 1
         study_map = self.study.map
-        table = Map(kind=kind, inclusions=number) if kind == "inclusions" else Map(
-            kind=kind, length_m=study_map.length_m, spread=study_map.spread,
+        table = Map(kind=kind, inclusions=number) if kind == "inclusions" else _checked(
+            Map, kind=kind, length_m=study_map.length_m, spread=study_map.spread,
             smoothness=study_map.smoothness if smoothness is None else smoothness,
             regions=study_map.regions,
             regions_unit_m=study_map.regions_unit_m,

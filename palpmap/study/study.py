@@ -1,7 +1,6 @@
 """The study file: the known facts of an experiment, in TOML beside the scan that it names."""
 
 import os
-import tomllib
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
@@ -17,6 +16,7 @@ from pydantic import (
 from models import InputError, nearest, replaced
 from palpmap.study.body import Body, File, Positive, Real, Table
 from palpmap.study.faults import fault_sentence, shortened
+from palpmap.study.study_text import study_tables
 from palpmap.study.units_check import check_units
 
 SCHEMA = 1
@@ -273,29 +273,7 @@ def load_study(path: str | os.PathLike[str], *, scanned: bool = True) -> Study:
         the line.
     """
     path = Path(path)
-    if not path.is_file():
-        kind = "a folder" if path.is_dir() else "no such file"
-        inside = path / "study.toml"
-        cure = f"give {inside}" if inside.is_file() else "check the path"
-        raise InputError(f"{path}: {kind}, expected a study file (.toml); {cure}")
-    if path.suffix.lower() in (".csv", ".parquet"):
-        raise InputError(
-            f"{path}: found a scan, expected a study file (.toml); write one that names the scan"
-        )
-    try:
-        tables = tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: found the byte 0x{error.object[error.start]:02x} at position {error.start}, "
-            "expected UTF-8 text; save the file as UTF-8"
-        ) from error
-    except ValueError as error:  # TOMLDecodeError, or a number of too many digits
-        raise InputError(f"{path}: found text that is not TOML: {error}; correct it") from error
-    except RecursionError as error:
-        raise InputError(
-            f"{path}: found brackets nested too deep to read, expected the tables of a study; "
-            "correct it"
-        ) from error
+    tables = study_tables(path)
     about = tables.get("study")
     if isinstance(about, dict) and not scanned:
         about.setdefault("scan", "scan.csv")

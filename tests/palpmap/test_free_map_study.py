@@ -103,6 +103,8 @@ def test_a_stated_smoothness_is_the_priors_and_is_read_again(tmp_path):
     assert again.field.hyper.smoothness == 0.5
     prior = again.field.hyper.prior(again.map.grid)
     assert prior.covariance(np.array([prior.length_m])) == pytest.approx(prior.spread**2 / np.e)
+    with pytest.raises(InputError, match="for steep walls"):
+        steep.of_kind("free", 3.0)
     gradual = pm.fit(steep.of_kind("free", 1.5))
     assert gradual.field.hyper.smoothness == 1.5
     assert np.abs(gradual.map.log_pa - fit.map.log_pa).max() > 0.01

@@ -1,6 +1,6 @@
 """Free maps of bodies that no smooth prior draws: coverage of their bands, and odds of their spots.
 
-    python benchmarks/free_maps.py [--seeds 0 8] [--kinds ball layer] [--smoothness 0.5]
+    python benchmarks/free_maps.py [--seeds 0 8] [--kinds ball layer] [--smoothness 1.5]
         [--out free_maps.jsonl]
 
 For every seed a body of each kind: a cube, a torus, two lobes, a layer, nothing, a ball of 10 mm
@@ -201,7 +201,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 8))
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
-    parser.add_argument("--smoothness", type=float, choices=(0.5, 1.5), default=1.5)
+    parser.add_argument("--smoothness", type=float, choices=(0.5, 1.5), default=0.5)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("free_maps.jsonl"))
     given = parser.parse_args()

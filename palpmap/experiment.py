@@ -138,8 +138,8 @@ class Experiment:
     ) -> Experiment:
         """Return the experiment with another kind of map, inclusions of a number to be found.
 
-        `smoothness` of a free map is 1.5 for gradual changes, 0.5 for a body with steep walls; None
-        is the study's.
+        `smoothness` of a free map is 0.5, or 1.5 for a body that changes gradually; None is the
+        study's.
         """
         number = "auto" if kind == "inclusions" else 1
         study_map = self.study.map

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from identify.fit.free_map.field import Balls, Field, RegionEstimate
-from identify.fit.free_map.field_evidence import Hyper
+from identify.fit.free_map.field_evidence import GRADUAL, Hyper
 from identify.fit.free_map.spots import Spot
 from identify.fit.posterior import Posterior, SampledParameter
 from identify.fit.result import Estimate, FitResult
@@ -153,7 +153,8 @@ def _field(content: dict) -> Field:
     arrays = ("log_sd", "share", "by_press_m", "followed", "press_error", "left_out")
     found: dict[str, Any] = {
         **named,
-        "hyper": Hyper(**{**hyper, "given": tuple(hyper["given"])}),
+        # Runs from before the name had the other prior
+        "hyper": Hyper(**{"smoothness": GRADUAL, **hyper, "given": tuple(hyper["given"])}),
         "sought": lambda: balls,
         "regions": tuple(RegionEstimate(**region) for region in content.get("regions", ())),
     }

@@ -14,7 +14,7 @@ from identify.effects.readings import Readings
 from identify.fit.free_compliance import FreeCompliance
 from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_compliance_start import free_compliance
-from identify.fit.free_map.field_evidence import SMOOTH, Hyper
+from identify.fit.free_map.field_evidence import STEEP, Hyper
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
 from identify.fit.free_map_fit import FreeMapFit
 from identify.fit.result import FitResult
@@ -80,7 +80,7 @@ def fit_free_map(
         guess.spread or settings.first_spread,
         settings.first_error,
         tuple(name for name, value in given.items() if value is not None),
-        guess.smoothness or SMOOTH,
+        guess.smoothness or STEEP,
     )
     return FreeMapFit(model, hyper, lengths_m, progress, settings, shown.compliance, weight).run()
 

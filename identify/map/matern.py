@@ -40,6 +40,8 @@ class MaternField:
     spread : standard deviation of the field about its level
     level_spread : standard deviation of the level
     layer_spread, layer_length_m : of the layers; no spread for none
+    untold_spread : standard deviation of further layers, which a map leaves out and its bands
+        count; `product` leaves them out, too
     smoothness : nu, 1.5 or 0.5
     """
 
@@ -50,6 +52,7 @@ class MaternField:
     layer_spread: float = 0.0
     layer_length_m: float = 1.0
     smoothness: float = 1.5
+    untold_spread: float = 0.0
 
     def covariance(self, distance_m: np.ndarray) -> np.ndarray:
         """Covariance at distances, without those of level and layers."""
@@ -58,14 +61,27 @@ class MaternField:
     @property
     def variance(self) -> float:
         """Variance of a point about the level."""
-        return self.spread**2 + self.layer_spread**2
+        return self.spread**2 + self.layer_spread**2 + self.untold_spread**2
 
     @cached_property
-    def _of_layers(self) -> np.ndarray:
-        """Covariance (nz, nz) of the layers."""
+    def _by_height(self) -> np.ndarray:
+        """Correlation (nz, nz) of the layers."""
         z = self.grid.spacing_m[2] * np.arange(self.grid.counts[2])
-        correlation = _correlation(np.abs(z[:, None] - z), self.layer_length_m, self.smoothness)
-        return self.layer_spread**2 * correlation
+        return _correlation(np.abs(z[:, None] - z), self.layer_length_m, self.smoothness)
+
+    def _layers(self, heights: np.ndarray) -> np.ndarray:
+        """Fields (n, g) of values (n, nz) by height."""
+        nx, ny, _ = self.grid.counts
+        return np.tile(heights, nx * ny)
+
+    @cached_property
+    def untold(self) -> np.ndarray:
+        """Independent fields (n, g) that the further layers are made of."""
+        if self.untold_spread == 0:
+            return np.empty((0, len(self.grid)))
+        values, vectors = np.linalg.eigh(self._by_height)
+        root = self.untold_spread * np.sqrt(np.maximum(values, 0.0))
+        return self._layers((vectors * root).T)
 
     def common(self, rows: np.ndarray) -> np.ndarray:
         """Multiply fields (n, g) with the covariance of level and layers alone."""
@@ -73,8 +89,8 @@ class MaternField:
         if self.layer_spread == 0:
             return found
         nx, ny, nz = self.grid.counts
-        heights = rows.reshape(-1, nx * ny, nz).sum(axis=1) @ self._of_layers
-        return found + np.tile(heights, nx * ny)
+        heights = rows.reshape(-1, nx * ny, nz).sum(axis=1) @ self._by_height
+        return found + self.layer_spread**2 * self._layers(heights)
 
     def product(self, rows: np.ndarray) -> np.ndarray:
         """Multiply fields (n, g) with the covariance."""
@@ -95,7 +111,7 @@ class MaternField:
         return found + self.common(rows)
 
     def draws(self, rng: np.random.Generator, count: int) -> np.ndarray:
-        """Return random fields (count, g)."""
+        """Return random fields (count, g), with the further layers."""
         size, spectrum = self._wide
         # Rounding and cut tails leave values slightly below zero
         root = np.sqrt(np.maximum(spectrum, 0.0))
@@ -106,10 +122,11 @@ class MaternField:
             white *= root
             found[i] = fft.irfftn(white, size)[:nx, :ny, :nz].ravel()
         found += self.level_spread * self.grid.levels_drawn(rng, count)
-        if self.layer_spread == 0:
+        layers = np.hypot(self.layer_spread, self.untold_spread)
+        if layers == 0:
             return found
-        heights = rng.multivariate_normal(np.zeros(nz), self._of_layers, count, method="eigh")
-        return found + np.tile(heights, nx * ny)
+        heights = rng.multivariate_normal(np.zeros(nz), self._by_height, count, method="eigh")
+        return found + layers * self._layers(heights)
 
     @cached_property
     def _embedded(self) -> tuple[tuple[int, ...], np.ndarray]:

@@ -120,7 +120,7 @@ def _curved(contacts: Contacts, surface: Surface | None) -> Contacts:
 class FieldGuess:
     """Length (m) and spread of a free map's prior; None is found by evidence.
 
-    Its smoothness is that of a Matern field, 1.5, which None is, or 0.5. `regions`, in the body's
+    Its smoothness is that of a Matern field, 0.5, which None is, or 1.5. `regions`, in the body's
     frame, have a level each.
     """
 

@@ -12,8 +12,8 @@ from palpmap import units
 from palpmap.result.tables import Cell, Table, number
 
 _SMOOTHNESS = {
-    1.5: '1.5, for gradual changes; of a body with steep walls, state "smoothness = 0.5"',
-    0.5: "0.5, for steep walls, as given",
+    0.5: "0.5, which bends at steep walls",
+    1.5: "1.5, for gradual changes, as given",
 }
 
 

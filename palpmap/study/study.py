@@ -92,8 +92,8 @@ class Map(Table):
     Names are `background_pa` and `inclusion_1.weight_pa`, `.x_m`, `.y_m`, `.z_m`, `.radius_m`;
     positions are in the scan's frame. A "free" map has any shape: the logarithm of the modulus is a
     Gaussian field, whose prior is found from the scan or given: `length_m`, the distance over which
-    it changes, and `spread`, the standard deviation of the logarithm. A `smoothness` of 0.5 is for
-    a body with steep walls, in place of 1.5 for gradual changes. Of a free map each
+    it changes, and `spread`, the standard deviation of the logarithm. A `smoothness` of 1.5 is for
+    a body that changes gradually everywhere, in place of 0.5. Of a free map each
     region of a label volume (`regions`, a file in the scan's frame, in units of `regions_unit_m`)
     has a level of its own. "auto" takes the kind for which the scan gives more evidence.
     """
@@ -120,7 +120,7 @@ class Map(Table):
     def _one_of_two(cls, value: Any) -> Any:
         if value is None or (type(value) is float and value in (0.5, 1.5)):
             return value
-        raise ValueError("1.5, for a map that changes gradually, or 0.5, for steep walls")
+        raise ValueError("0.5, for a body of any kind, or 1.5, for one that changes gradually")
 
     @field_validator("initial", "fixed", mode="before")
     @classmethod

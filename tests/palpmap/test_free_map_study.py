@@ -1,5 +1,6 @@
 """A study with a free map: its keys, its faces, and the sentences for what does not work."""
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -38,7 +39,7 @@ def study(folder: Path, table: str) -> Path:
         ("length_m = 0.01", "no key 'length_m'"),
         ('kind = "free"\nspread = 9.0', "less than or equal to 4"),
         ('kind = "free"\nlength_m = 12.0', "divide by 1000"),
-        ('kind = "free"\nsmoothness = 1.0', "1.5, for a map that changes gradually, or 0.5"),
+        ('kind = "free"\nsmoothness = 1.0', "0.5, for a body of any kind, or 1.5"),
         ("smoothness = 0.5", "no key 'smoothness'"),
         ('kind = "fre"', "nearest right name is 'free'"),
     ],
@@ -95,19 +96,30 @@ def test_a_free_fit_is_written_read_and_compared(tmp_path):
 
 
 def test_a_stated_smoothness_is_the_priors_and_is_read_again(tmp_path):
-    steep = pm.read_study(study(tmp_path, 'kind = "free"\nsmoothness = 0.5'))
-    fit = pm.fit(steep)
-    assert "0.5, for steep walls" in fit.summary()
+    gradual = pm.read_study(study(tmp_path, 'kind = "free"\nsmoothness = 1.5'))
+    fit = pm.fit(gradual)
+    assert "1.5, for gradual changes, as given" in fit.summary()
     fit.write(tmp_path / "run")
     again = pm.read_run(tmp_path / "run").fit
-    assert again.field.hyper.smoothness == 0.5
+    assert again.field.hyper.smoothness == 1.5
     prior = again.field.hyper.prior(again.map.grid)
-    assert prior.covariance(np.array([prior.length_m])) == pytest.approx(prior.spread**2 / np.e)
-    with pytest.raises(InputError, match="for steep walls"):
-        steep.of_kind("free", 3.0)
-    gradual = pm.fit(steep.of_kind("free", 1.5))
-    assert gradual.field.hyper.smoothness == 1.5
-    assert np.abs(gradual.map.log_pa - fit.map.log_pa).max() > 0.01
+    s = np.sqrt(3)
+    at_length = prior.spread**2 * (1 + s) * np.exp(-s)
+    assert prior.covariance(np.array([prior.length_m])) == pytest.approx(at_length)
+    with pytest.raises(InputError, match="a body of any kind"):
+        gradual.of_kind("free", 3.0)
+    steep = pm.fit(pm.read_study(study(tmp_path, 'kind = "free"')))
+    assert steep.field.hyper.smoothness == 0.5
+    assert np.abs(steep.map.log_pa - fit.map.log_pa).max() > 0.01
+
+
+def test_a_run_from_before_its_prior_had_a_name_is_of_gradual_changes(tmp_path):
+    pm.fit(pm.read_study(study(tmp_path, 'kind = "free"'))).write(tmp_path / "run")
+    file = tmp_path / "run" / "fit.json"
+    record = json.loads(file.read_text(encoding="utf-8"))
+    del record["field"]["hyper"]["smoothness"]
+    file.write_text(json.dumps(record), encoding="utf-8")
+    assert pm.read_run(tmp_path / "run").fit.field.hyper.smoothness == 1.5
 
 
 @pytest.mark.slow

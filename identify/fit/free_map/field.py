@@ -226,7 +226,8 @@ def _mean_told(posterior: FieldPosterior, inside: np.ndarray) -> tuple[float, fl
     even = (inside / inside.sum())[None]
     prior = float((posterior.prior.product(even) @ even.T).item())
     seen = float(np.sum((posterior.seen @ even[0]) ** 2))
-    return float(np.sqrt(max(prior - seen, 0.0))), seen / prior
+    untold = float(np.sum((posterior.untold @ even[0]) ** 2))
+    return float(np.sqrt(max(prior - seen, 0.0) + untold)), seen / prior
 
 
 def _regions(posterior: FieldPosterior, log_pa: np.ndarray) -> Iterator[RegionEstimate]:

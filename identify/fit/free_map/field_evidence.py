@@ -17,7 +17,7 @@ from identify.fit.free_map.field_data import FieldData, PressSums
 from identify.fit.free_map.settings import FREE_MAP, FreeMapSettings
 from identify.map import Grid, LabelledGrid, MaternField
 
-SMOOTH = 1.5  # smoothness of a prior that is not stated
+STEEP, GRADUAL = 0.5, 1.5  # smoothness of a prior: of one that is not stated, and the other
 
 
 @dataclass(frozen=True)
@@ -28,16 +28,19 @@ class Hyper:
     spread: float
     error: float
     given: tuple[str, ...] = ()
-    smoothness: float = SMOOTH
+    smoothness: float = STEEP
 
     def prior(self, grid: Grid, settings: FreeMapSettings = FREE_MAP) -> MaternField:
         """Return the prior of a field; labelled regions have their layers among them."""
         height_m = grid.spacing_m[2] * (grid.counts[2] - 1)
-        layers = settings.layer_spread if self.smoothness == SMOOTH else settings.steep_layer_spread
-        layers = 0.0 if isinstance(grid, LabelledGrid) else layers
+        layers, untold = settings.layer_spread, settings.untold_layer_spread
+        if self.smoothness == GRADUAL:
+            layers, untold = settings.gradual_layer_spread, 0.0
+        if isinstance(grid, LabelledGrid):
+            layers = untold = 0.0
         return MaternField(
             grid, self.length_m, self.spread, settings.level_spread,
-            layers, settings.layer_length * height_m, self.smoothness,
+            layers, settings.layer_length * height_m, self.smoothness, untold,
         )  # fmt: skip
 
     def towards(self, other: Hyper, longest: float) -> Hyper:

@@ -5,8 +5,10 @@ In data space, with the prior covariance C of the field, K and V of
 
     S = I + V' (K C K' + Q) V,     dev = C K' V S^-1 t,     cov = C - C K' V S^-1 V' K C
 
-and the target t ~ N(0, S) gives the evidence. Source: Tarantola, "Inverse Problem Theory", SIAM
-2005, section 3.2.
+and the target t ~ N(0, S) gives the evidence. Further layers (`MaternField.untold`) are no part of
+C: the map does not draw them, and all covariances count what they add to its errors, which is
+(1 - C K' V S^-1 V' K) times each. Source: Tarantola, "Inverse Problem Theory", SIAM 2005, section
+3.2.
 """
 
 from __future__ import annotations
@@ -99,8 +101,17 @@ class FieldPosterior:
     @cached_property
     def sd(self) -> np.ndarray:
         """Standard deviation of the field, (g,)."""
-        prior = self.prior.variance + self.prior.level_spread**2
-        return np.sqrt(np.maximum(prior - np.sum(self.seen**2, axis=0), 0.0))
+        prior = self.prior
+        own = prior.variance + prior.level_spread**2 - prior.untold_spread**2
+        own = np.maximum(own - np.sum(self.seen**2, axis=0), 0.0)
+        return np.sqrt(own + np.sum(self.untold**2, axis=0))
+
+    @cached_property
+    def untold(self) -> np.ndarray:
+        """Errors (n, g) of the mean by each of the further layers, one standard deviation each."""
+        layers, root = self.prior.untold, self.data.root
+        short = cho_solve((self._factor, True), root.T @ (self.data.by_field @ layers.T))
+        return layers - (root @ short).T @ self.spread_by
 
     @cached_property
     def share(self) -> np.ndarray:
@@ -167,12 +178,16 @@ class FieldPosterior:
         across = self.spread_by @ by_field.T + error[:, None] * own.T
         seen = solve_triangular(self._factor, data.root.T @ across, lower=True)
         of_s = self.prior.product(by_field) @ by_field.T + (own * error) @ own.T - seen.T @ seen
+        untold = self.untold @ by_field.T
+        of_s += untold.T @ untold
         if not effects.count:
             return of_s
-        across = across - half.T @ seen
+        at_presses = self.untold @ data.by_field.T
+        across = across - half.T @ seen + at_presses.T @ untold
         gain = effects.solve(effects.coupling.T)
         of_effects = effects.solve(np.eye(effects.count))
-        of_effects = of_effects + gain @ (self._of_s - half.T @ half) @ gain.T
+        of_presses = self._of_s - half.T @ half + at_presses.T @ at_presses
+        of_effects = of_effects + gain @ of_presses @ gain.T
         return np.block([[of_s, -(gain @ across).T], [-gain @ across, of_effects]])
 
     @cached_property

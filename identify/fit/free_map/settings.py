@@ -13,8 +13,11 @@ class FreeMapSettings:
     level_spread : standard deviation of the logarithm of the map's level, before any reading
     layer_spread, layer_length : standard deviation of the logarithm of layers, and their thickness
         in the body's height; not found by evidence. Without them an even scan of a body with a soft
-        layer gave a map that claimed to see it all, and held nowhere
-    steep_layer_spread : the same of a prior for steep walls, which more layers explain too well
+        layer gave a map that claimed to see it all, and held nowhere; more of them explain a steep
+        wall too well
+    untold_layer_spread : standard deviation of further layers, which the bands count: without them
+        they held in 50, 75 and 77 % of the seen points of three in sixteen bodies with a layer
+    gradual_layer_spread : of the prior for gradual changes, all layers
     finest : least length of the prior, in spacings of the grid: a shorter one is no field there
     finest_cell : ... and in the size of the finite elements' cells, whose samples see the map
     longest : largest length, in the largest edge of the body
@@ -65,8 +68,9 @@ class FreeMapSettings:
 
     grid_points: int = 6000
     level_spread: float = 2.0
-    layer_spread: float = 1.0
-    steep_layer_spread: float = 0.5
+    layer_spread: float = 0.5
+    untold_layer_spread: float = 0.5
+    gradual_layer_spread: float = 1.0
     layer_length: float = 0.2
     finest: float = 1.5
     finest_cell: float = 0.5

@@ -126,7 +126,7 @@ def test_a_ball_of_two_kinds_is_as_probable_as_their_shares_make_it(by_field, gr
 @pytest.mark.slow
 def test_balls_as_good_as_rigid_are_found_more_often_if_they_are_thought_of(by_field, grid):
     """A rough field passes them for roughness otherwise."""
-    rng, rough = np.random.default_rng(4), Hyper(0.008, 0.5, 0.01)
+    rng, rough = np.random.default_rng(4), Hyper(0.008, 0.5, 0.01, smoothness=1.5)
     kinds = {"tissue": ((1.2, 1.0),), "both": SPOTS.kinds}
     found = dict.fromkeys(kinds, 0)
     for _ in range(12):

@@ -102,7 +102,7 @@ def test_bands_of_other_places_a_smaller_tip_and_more_force_are_calibrated():
 def test_bands_of_a_free_map_are_calibrated_where_it_is_blind_too(seed):
     rng = np.random.default_rng(seed)
     grid = Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.006)
-    field = MaternField(grid, *PRIOR).draws(rng, 1)[0]
+    field = MaternField(grid, *PRIOR, smoothness=0.5).draws(rng, 1)[0]
     truth = FreeMap(grid, LEVEL + field)
     scan = scan_of(fitted_model(), truth, rng)
     start = FreeMap(grid, np.full(len(grid), LEVEL))

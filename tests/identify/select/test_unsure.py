@@ -103,7 +103,7 @@ def test_an_unexplained_scan_is_explained_again_only_without_presses_that_hold_i
     assert not rough.comparison.is_noise
     again = []
 
-    def started(*_):
+    def started(*_, **__):
         again.append(True)
         raise InputError("far enough")
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import ValidationError
 
 from identify import PlacedExperiment, Progress, silent
 from identify.effects import Effect
@@ -17,7 +16,7 @@ from identify.measurement import Noise as ScanNoise
 from models import InputError, Scan, check_scan, read_scan
 from palpmap.study import study as study_file
 from palpmap.study.body import Body
-from palpmap.study.faults import expected_by, naming_study, shortened
+from palpmap.study.faults import naming_study, shortened
 from palpmap.study.open_study import catalogue_with, most_presses, open_study, own_effects
 from palpmap.study.study import About, Map, Probe, Study, Uncertainty, load_study
 from palpmap.study.units_check import check_units
@@ -81,10 +80,8 @@ class Experiment:
                 f"read_scan({str(scan)!r})" if isinstance(scan, str | Path) else "read_scan(path)"
             )
             raise InputError(f"scan: found {shortened(scan)}, expected a Scan: give pm.{told}")
-        about = _checked(About, name=name, scan=_NOWHERE, units_checked=units_checked)
-        study = _checked(
-            Study, study=about, body=body, probe=tip, noise=noise or study_file.Noise()
-        )
+        about = About(name=name, scan=_NOWHERE, units_checked=units_checked)
+        study = Study(study=about, body=body, probe=tip, noise=noise or study_file.Noise())
         check_scan(scan, "scan", units_checked)
         if not units_checked:
             check_units(None, study)
@@ -121,7 +118,7 @@ class Experiment:
                 'it out or set kind = "inclusions"'
             )
         map_table = self.study.map.model_copy(update={"inclusions": inclusions})
-        checked = _checked(Map, **map_table.model_dump(warnings=False))
+        checked = Map(**map_table.model_dump(warnings=False))
         study = self.study.model_copy(update={"map": checked})
         return Experiment.of(self.scan, study, self.source)
 
@@ -129,7 +126,7 @@ class Experiment:
         """Return the experiment with another number of posterior samples; None keeps it."""
         if samples is None:
             return self
-        asked = _checked(Uncertainty, samples=samples)
+        asked = Uncertainty(samples=samples)
         study = self.study.model_copy(update={"uncertainty": asked})
         return Experiment.of(self.scan, study, self.source)
 
@@ -143,8 +140,8 @@ class Experiment:
         """
         number = "auto" if kind == "inclusions" else 1
         study_map = self.study.map
-        table = Map(kind=kind, inclusions=number) if kind == "inclusions" else _checked(
-            Map, kind=kind, length_m=study_map.length_m, spread=study_map.spread,
+        table = Map(kind=kind, inclusions=number) if kind == "inclusions" else Map(
+            kind=kind, length_m=study_map.length_m, spread=study_map.spread,
             smoothness=study_map.smoothness if smoothness is None else smoothness,
             regions=study_map.regions,
             regions_unit_m=study_map.regions_unit_m,
@@ -238,12 +235,11 @@ def Block(
     >>> pm.Block((0.096, 0.096, 0.048), poisson_ratio=0.49).support
     'base-bonded'
     """
-    return _checked(
-        Body,
+    return Body(
         shape="block",
-        size_m=_numbers(size_m),
+        size_m=size_m,
         poisson_ratio=poisson_ratio,
-        origin_m=_numbers(origin_m),
+        origin_m=origin_m,
         support=support,
         cell_size_m=cell_size_m,
     )
@@ -263,7 +259,7 @@ def FlatTip(radius_m: float, *, most_force_n: float | None = None) -> Probe:
     >>> pm.FlatTip(0.005).radius_m
     0.005
     """
-    return _checked(Probe, tip="flat", radius_m=radius_m, most_force_n=most_force_n)
+    return Probe(tip="flat", radius_m=radius_m, most_force_n=most_force_n)
 
 
 def Sphere(radius_m: float, *, most_force_n: float | None = None) -> Probe:
@@ -279,7 +275,7 @@ def Sphere(radius_m: float, *, most_force_n: float | None = None) -> Probe:
     >>> pm.Sphere(0.004).tip
     'sphere'
     """
-    return _checked(Probe, tip="sphere", radius_m=radius_m, most_force_n=most_force_n)
+    return Probe(tip="sphere", radius_m=radius_m, most_force_n=most_force_n)
 
 
 def Noise(
@@ -302,29 +298,9 @@ def Noise(
     >>> pm.Noise(displacement_m=2e-5).force_n is None
     True
     """
-    return _checked(
-        study_file.Noise,
+    return study_file.Noise(
         displacement_m=displacement_m,
         force_n=force_n,
         touch_m=touch_m,
         lag_s=lag_s,
     )
-
-
-def _numbers(values: object) -> object:
-    """Return a sequence or an array as a tuple, anything else as it is, for its own sentence."""
-    return tuple(values) if isinstance(values, Sequence | np.ndarray) else values
-
-
-def _checked(kind, /, **values):
-    """Make a record; an impossible value becomes one sentence."""
-    try:
-        return kind(**values)
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        key = ".".join(map(str, fault["loc"])) or kind.__name__
-        asked = fault.get("ctx", {}).get("class_name")  # an object, where a file has a table
-        expected = f"a {asked}" if asked else expected_by(fault)
-        raise InputError(
-            f"{key}: found {shortened(fault['input'])}, expected {expected}"
-        ) from error

@@ -101,7 +101,7 @@ class Facts:
                 force_n=self.force_noise_n,
                 touch_m=self.touch_noise_m,
             )
-        except ValidationError as error:
+        except InputError as error:
             raise InputError(
                 f"--displacement-noise, --force-noise or --touch-noise: found "
                 f"{self.displacement_noise_m}, {self.force_noise_n} and {self.touch_noise_m}, "

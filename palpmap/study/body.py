@@ -1,9 +1,21 @@
 """The study file's table `[body]`, and the kinds of values that all its tables share."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    model_validator,
+)
+
+from models import InputError
+from palpmap.study.faults import argument_sentence
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]
@@ -23,7 +35,7 @@ def as_tuple(value: Any) -> Any:
 
 
 def _three(value: Any) -> Any:
-    if isinstance(value, (list, tuple)) and len(value) == 3:
+    if isinstance(value, (list, tuple, np.ndarray)) and len(value) == 3:
         return tuple(value)
     raise ValueError("three numbers [x, y, z] in m")
 
@@ -49,7 +61,19 @@ Size = Annotated[tuple[Edge, Edge, Edge], BeforeValidator(_three)]
 File = Annotated[Path, BeforeValidator(_path)]
 
 
-class Table(BaseModel):
+class _MadeInPython(type(BaseModel)):
+    """Tables made by their class's name, not read from a file: a fault is one sentence."""
+
+    if not TYPE_CHECKING:  # checkers see the tables' own arguments
+
+        def __call__(cls, **values):
+            try:
+                return super().__call__(**values)
+            except ValidationError as error:
+                raise InputError(argument_sentence(error, cls)) from error
+
+
+class Table(BaseModel, metaclass=_MadeInPython):
     """A table of a study file: frozen, without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)

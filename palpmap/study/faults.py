@@ -8,13 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from models import InputError, nearest
-from palpmap.study.body import Table
 
-T = TypeVar("T", bound=Table)
+T = TypeVar("T", bound=BaseModel)
 
 
 def read_table(path: Path, kind: type[T], what: str) -> T:
@@ -100,17 +99,34 @@ def expected_by(fault: Mapping[str, Any]) -> str:
     return f"one of {these}" if choice else said.removeprefix("Input should be ")
 
 
-def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str:
+def fault_sentence(path: Path, error: ValidationError, root: type[BaseModel]) -> str:
     """Turn the first fault of a TOML file into a sentence; the number of further ones is said."""
+    key, what, others = _first_fault(error, root)
+    more = f" ({others} more fault{'s' * (others > 1)} in this file)" if others else ""
+    return f"{path}, key {key}: {what}{more}"
+
+
+def argument_sentence(error: ValidationError, root: type[BaseModel]) -> str:
+    """Turn the first fault of a table that was made in Python into a sentence."""
+    key, what, _ = _first_fault(error, root, in_python=True)
+    return f"{key or root.__name__}: {what}"
+
+
+def _first_fault(
+    error: ValidationError, root: type[BaseModel], in_python: bool = False
+) -> tuple[str, str, int]:
+    """Return the key of a table's first fault, what is wrong, and the number of others."""
     # A misspelt key is a missing one too: the misspelling explains more.
     faults = sorted(error.errors(include_url=False), key=lambda f: f["type"] != "extra_forbidden")
     fault = faults[0]
-    key = ".".join(str(part) for part in fault["loc"] if part not in ("int", "float"))
-    fields = _fields_of_table(fault["loc"][:-1], root)
-    last = str(fault["loc"][-1])
+    place = fault["loc"] or ("",)
+    key = ".".join(str(part) for part in place if part not in ("int", "float"))
+    fields = _fields_of_table(place[:-1], root)
+    last = str(place[-1])
     found = fault["input"]
-    expected = expected_by(fault)
-    if fault["loc"][0] == "effects" and fault["type"] in ("tuple_type", "model_type"):
+    asked = in_python and fault.get("ctx", {}).get("class_name")  # where a file has a table
+    expected = f"a {asked}" if asked else expected_by(fault)
+    if place[0] == "effects" and fault["type"] in ("tuple_type", "model_type"):
         expected = 'a table for each effect: write [[effects]], and name = "..." below it'
     if fault["type"] == "extra_forbidden":
         what = f"unknown key{nearest(last, tuple(fields))}; expected {', '.join(fields)}"
@@ -122,15 +138,17 @@ def fault_sentence(path: Path, error: ValidationError, root: type[Table]) -> str
         what = f"found {shortened(found)}, expected {expected}"
         if fault["type"] == "literal_error":
             what += nearest(str(found), tuple(re.findall("'([^']+)'", expected)))
-    others = len(faults) - 1
-    more = f" ({others} more fault{'s' * (others > 1)} in this file)" if others else ""
-    return f"{path}, key {key}: {what}{more}"
+    return key, what, len(faults) - 1
 
 
-def _fields_of_table(location: tuple[int | str, ...], root: type[Table]) -> dict[str, FieldInfo]:
+def _fields_of_table(
+    location: tuple[int | str, ...], root: type[BaseModel]
+) -> dict[str, FieldInfo]:
     table = root
     for part in location:
         if field := table.model_fields.get(str(part)):
             kinds = [field.annotation, *get_args(field.annotation)]
-            table = next((k for k in kinds if isinstance(k, type) and issubclass(k, Table)), table)
+            table = next(
+                (k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)), table
+            )
     return {field.alias or name: field for name, field in table.model_fields.items()}

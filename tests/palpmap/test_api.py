@@ -188,6 +188,8 @@ def test_a_scripted_scan_becomes_an_experiment():
 
 TIP, BODY = pm.FlatTip(0.004), pm.Block((0.06, 0.06, 0.03), poisson_ratio=0.45)
 WRONG: Any = TIP
+SIZE = (0.1, 0.1, 0.05)
+SHAPE: Any = {"shape": "block", "size_m": SIZE}
 WRONG_EFFECTS: Any = ["force_drift"]
 WRONG_SCAN: Any = "scan.csv"
 NOTHING: Any = None
@@ -215,6 +217,17 @@ def of_arrays(**values) -> pm.Experiment:
         (lambda: pm.FlatTip(-1.0), "radius_m: found -1.0, expected"),
         (lambda: pm.Block((0.1, 0.1), poisson_ratio=0.4), "size_m"),
         (lambda: pm.Block((0.1, 0.1, 0.1), poisson_ratio=0.6), "poisson_ratio: found 0.6"),
+        (
+            lambda: pm.Body(**(SHAPE | {"poison_ratio": 0.4})),
+            "poison_ratio: unknown key; the nearest right name is 'poisson_ratio'; expected shape,",
+        ),
+        (lambda: pm.Body(**SHAPE), "poisson_ratio: the key is missing; add Poisson's ratio"),
+        (lambda: pm.Body(shape="block", poisson_ratio=0.4), "Body: expected size_m = [x, y, z]"),
+        (
+            lambda: pm.Body(shape="blok", size_m=SIZE, poisson_ratio=0.4),  # pyright: ignore[reportArgumentType]
+            "shape: found 'blok', expected 'block', 'surface' or 'from-contacts'; the nearest",
+        ),
+        (lambda: pm.Study(**{"body": BODY, "probe": TIP}), "study: the key is missing; add the"),
         (lambda: pm.Noise(displacement_m=-1.0), "displacement_m: found -1.0, expected"),
         (lambda: of_arrays(force_n=np.nan), "scan, row 1, column force_n: found nan"),
         (lambda: of_arrays(direction=(0, 0, -2)), "column nx, ny, nz: found a length of 2"),
@@ -270,6 +283,11 @@ def test_bad_input_gets_a_sentence(make, sentence):
         make()
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_body_takes_arrays():
+    body = pm.Body(**(SHAPE | {"size_m": np.array(SIZE), "poisson_ratio": np.float64(0.4)}))
+    assert body == pm.Block(SIZE, poisson_ratio=0.4)
 
 
 def test_strange_units_that_are_meant_are_taken():

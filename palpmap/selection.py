@@ -155,4 +155,4 @@ def limits(
     better = BetterScans()
     if plan:
         better = better_scans(fit, problem.catalogue, found, progress, most)
-    return Limits(problem, fit, found, better)
+    return Limits(experiment, problem, fit, found, better)

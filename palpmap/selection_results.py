@@ -248,6 +248,7 @@ class Limits(Shown):
 
     Attributes
     ----------
+    experiment : scan and study
     problem : models of the body and the measurement model
     fit : model at which they hold
     limits : smallest share of the signal at which each effect is seen, and its likenesses
@@ -261,6 +262,7 @@ class Limits(Shown):
     ['force_bias']
     """
 
+    experiment: Experiment
     problem: Problem = field(repr=False)
     fit: FitRecord = field(repr=False)
     limits: tuple[Limit, ...]
@@ -282,6 +284,19 @@ class Limits(Shown):
     def to_dict(self) -> dict[str, JsonValue]:
         """Return the limits as plain data, as limits.json holds them."""
         return self.record.to_dict()
+
+    def write(self, folder: str | Path) -> Path:
+        """Write the run folder of `palpmap limits`: limits.json, and planned scans as programs."""
+        with RunFolder("limits", Path(folder), inputs=self.experiment.inputs) as run:
+            self.leave(run.path)
+            return run.path
+
+    def leave(self, run: Path) -> None:
+        """Write all files of the limits into an open run folder."""
+        from palpmap.result.next_scan import Sites, write_planned
+
+        write_planned(self.better, Sites.of(self.experiment.scan, self.experiment.study), run)
+        self.record.write(run / "limits.json")
 
     def _renderables(self) -> Sequence[RenderableType]:
         from palpmap.report.limits_console import limits_screen

@@ -8,7 +8,6 @@ from palpmap import api
 from palpmap.console import Output, plain
 from palpmap.experiment import read_study
 from palpmap.progress import LIMITS
-from palpmap.result.next_scan import Sites, write_planned
 from palpmap.run_folder import RunFolder
 
 
@@ -26,8 +25,7 @@ def run_limits(
     with RunFolder("limits", out, inputs=[*experiment.inputs, *effects]) as run:
         with output.task(LIMITS) as task:
             found = api.limits(experiment, (*CATALOGUE, *own), plan=plan, progress=task.say)
-        write_planned(found.better, Sites.of(experiment.scan, experiment.study), run.path)
-        found.record.write(run / "limits.json")
+        found.leave(run.path)
         output.result(
             {**found.to_dict(), "run": str(run.path)},
             *found.renderables(),

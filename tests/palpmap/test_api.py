@@ -150,6 +150,15 @@ def test_a_written_explanation_reads_back(why, tmp_path):
     assert run.fit.parameters == why.fit.parameters
 
 
+def test_written_limits_are_the_commands_folder(tmp_path, run_here):
+    found = pm.limits(pm.read_study(TWELVE))
+    written = found.write(tmp_path / "door")
+    done = run_here("limits", TWELVE, "--no-plan", folder=tmp_path / "command")
+    assert done.exit_code == 0, done.stderr
+    assert {p.name for p in written.iterdir()} == {p.name for p in done.folder.iterdir()}
+    assert json.loads((written / "limits.json").read_text()) == found.to_dict()
+
+
 @pytest.mark.slow
 def test_the_virtual_robot_follows_a_program():
     program = pm.PressProgram(

@@ -22,7 +22,7 @@ def import_(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="A rig's own files: text tables, Excel, MATLAB, HDF5, NumPy, MCAP, ROS bags.",
+            help="A rig's own files: text, Excel, MATLAB, HDF5, NumPy, Parquet, MCAP, ROS bags.",
         ),
     ],
     out: Annotated[

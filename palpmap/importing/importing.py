@@ -148,7 +148,7 @@ def import_recording(
 
     Parameters
     ----------
-    files : one or more: text tables, Excel, MATLAB, HDF5, NumPy, MCAP, ROS bags
+    files : one or more: text tables, Excel, MATLAB, HDF5, NumPy, Parquet, MCAP, ROS bags
     rig : mapping, or its file
     progress : is told the steps
 

@@ -35,7 +35,7 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     assert rig.press.number
     assert rig.travel
     assert rig.point
-    press = column((rig.press.number,), "", "", "press.number")[:, 0]
+    press = _whole(column((rig.press.number,), "", "", "press.number")[:, 0], table)
     direction = _directions(rig, m, column)
     said = []
     vectors, along = _along(rig, rig.force.sign * force, direction)
@@ -44,9 +44,20 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     points = column(rig.point.columns, rig.point.unit, "length", "point.columns")
     points = rotated(rig, points, place=True)
     radius = _radii(rig, m, column)
-    order = np.argsort(press, kind="stable") if np.any(np.diff(press) < 0) else np.arange(m)
+    order = np.arange(m)
     if np.any(np.diff(press) < 0):
-        said.append("The rows were sorted by press.")
+        if time is not None and np.all(np.diff(time) > 0):
+            # Numbers of places, pressed in an order of their own
+            new = np.diff(press, prepend=press[0] - 1) != 0
+            made, press = press[new], np.cumsum(new) - 1
+            first = ", ".join(map(str, made[:5])) + " and so on" * (len(made) > 5)
+            said.append(
+                "The presses were numbered anew, from 0 in the order of time; the recording "
+                f"numbers them {first}."
+            )
+        else:
+            order = np.argsort(press, kind="stable")
+            said.append("The rows were sorted by press.")
     press, travel, along = press[order], travel[order], along[order]
     if rig.press.phase:
         phase = _phases(recording, rig, table, time)[order]
@@ -62,7 +73,7 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
         said.append(f"Times are counted from the first reading, at {time[0]:.3f} s.")
         time = time - time[0]
     scan = Scan(
-        press=_whole(press, table),
+        press=press,
         time_s=np.full(m, np.nan) if time is None else time[order],
         phase=phase,
         point_m=points[order],

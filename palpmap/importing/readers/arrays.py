@@ -1,4 +1,4 @@
-"""Files of named arrays: MATLAB (v4 to v7.2 and v7.3), HDF5 and NumPy.
+"""Files of named arrays: MATLAB (v4 to v7.2 and v7.3), HDF5, NumPy and Parquet.
 
 Arrays of one group and of equal length become a table; an array of k columns becomes `name[0]` to
 `name[k-1]`. The longer axis counts the readings, whichever way the file lays it.
@@ -50,6 +50,26 @@ def read_hdf5(path: Path, data: bytes) -> tuple[list[Table], list[str]]:
 
     with h5py.File(io.BytesIO(data), "r") as file:
         leaves = list(_hdf5_leaves(file, file, ""))
+    return _tables(path, leaves)
+
+
+def read_parquet(path: Path, data: bytes) -> tuple[list[Table], list[str]]:
+    """Read the columns of a Parquet file; empty cells of numbers are NaN, dates count from 1970."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(pa.BufferReader(data))
+    leaves = []
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        unit = ""
+        if pa.types.is_timestamp(column.type):
+            column, unit = column.cast(pa.timestamp("ns")).cast(pa.int64()), "ns"
+        if pa.types.is_dictionary(column.type) or pa.types.is_large_string(column.type):
+            column = column.cast(pa.string())
+        if pa.types.is_string(column.type):
+            leaves.append(("", name, np.array([text or "" for text in column.to_pylist()]), ""))
+        else:
+            leaves.append(("", name, column.to_numpy(), unit))
     return _tables(path, leaves)
 
 

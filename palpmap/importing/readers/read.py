@@ -8,7 +8,7 @@ from pathlib import Path
 
 from identify import Progress, silent
 from models import InputError
-from palpmap.importing.readers.arrays import read_hdf5, read_matlab, read_numpy
+from palpmap.importing.readers.arrays import read_hdf5, read_matlab, read_numpy, read_parquet
 from palpmap.importing.readers.bag import read_bag
 from palpmap.importing.readers.recording import Recording, Table
 from palpmap.importing.readers.sheet import read_sheets
@@ -22,6 +22,7 @@ READERS: dict[str, tuple[str, Callable[[Path, bytes], tuple[list[Table], list[st
     ".hdf5": ("an HDF5 file", read_hdf5),
     ".npy": ("a NumPy file of plain arrays", read_numpy),
     ".npz": ("a NumPy file of plain arrays", read_numpy),
+    ".parquet": ("a Parquet file", read_parquet),
 }
 BAGS = {".bag": "a ROS 1 bag", ".mcap": "an MCAP file of ROS 2 messages", ".db3": "a ROS 2 bag"}
 
@@ -29,7 +30,7 @@ BAGS = {".bag": "a ROS 1 bag", ".mcap": "an MCAP file of ROS 2 messages", ".db3"
 def read_recording(
     files: Sequence[str | os.PathLike[str]], progress: Progress = silent
 ) -> Recording:
-    """Read files of one recording: text tables, Excel, MATLAB, HDF5, NumPy, MCAP, ROS bags.
+    """Read files of one recording: text, Excel, MATLAB, HDF5, NumPy, Parquet, MCAP, ROS bags.
 
     The ending tells the form; what has an unknown ending is read as text. A folder is a ROS 2 bag.
 

@@ -15,6 +15,8 @@ from palpmap.importing.readers.units import NO_UNIT, name_and_unit, spelled
 
 COMMENTS = ("#", "%", "//")
 SEPARATORS = (",", ";", "\t", "|", " ")
+PACKED = {b"\x1f\x8b": "a file packed by gzip", b"PK\3\4": "a zip archive",
+          b"BZh": "a file packed by bzip2", b"\xfd7zXZ": "a file packed by xz"}  # fmt: skip
 SAMPLE_LINES = 200
 MOSTLY = 0.9
 _EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
@@ -45,7 +47,8 @@ def read_text(path: Path, data: bytes) -> tuple[list[Table], list[str]]:
         if line.strip() and not line.lstrip().startswith(COMMENTS)
     ]
     if len(lines) < 2:
-        raise InputError(f"{path}: found {len(lines)} lines of text, expected a table of readings")
+        found = "one line" if lines else "no line"
+        raise InputError(f"{path}: found {found} of text, expected a header and rows of readings")
     separator, comma = _dialect(path, lines)
     rows = [(number, _cells(path, number, line, separator)) for number, line in lines]
     rows = _commented_header(path, text, rows, separator, comma) + rows
@@ -66,7 +69,10 @@ def read_text(path: Path, data: bytes) -> tuple[list[Table], list[str]]:
     )
     mark = {"\t": "tabs", " ": "spaces"}.get(separator, f"'{separator}'")
     decimal = " and decimal commas" if comma else ""
-    return [table], [f"{path.name}: {len(body)} rows of text, {mark} between cells{decimal}."]
+    said = f"{path.name}: {len(body)} rows of text, {mark} between cells{decimal}."
+    if names[0] == "column_1" and (above := rows.index(body[0])):
+        said += f" {above} above them {'was' if above == 1 else 'were'} taken for a title."
+    return [table], [said]
 
 
 def once_each(names: list[str]) -> list[str]:
@@ -107,16 +113,18 @@ def bare(cell: str) -> str:
 def _decoded(path: Path, data: bytes) -> str:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         encodings = ["utf-16"]
+    elif packed := next((kind for start, kind in PACKED.items() if data.startswith(start)), None):
+        raise InputError(f"{path}: found {packed}, expected the recording itself; unpack it first")
     elif b"\0" in data[:4096]:
         raise InputError(
             f"{path}: found a binary file, expected text (.csv, .txt), Excel, MATLAB, HDF5, NumPy, "
-            "MCAP or a ROS bag, each under its usual ending"
+            "Parquet, MCAP or a ROS bag, each under its usual ending"
         )
     else:
         encodings = ["utf-8-sig", "cp1252", "latin-1"]
     for encoding in encodings:
         try:
-            return data.decode(encoding)
+            return data.decode(encoding).replace("\N{MINUS SIGN}", "-")
         except UnicodeDecodeError:
             continue
     raise InputError(f"{path}: found text in an unknown encoding, expected UTF-8")
@@ -185,7 +193,7 @@ def _commented_header(
 def _parts(
     path: Path, rows: list[tuple[int, list[str]]], comma: bool
 ) -> tuple[list[str], list[str], list[tuple[int, list[str]]]]:
-    """Header, units and body: the header is the last row before the readings."""
+    """Header, units and body: the header is the last row of names before the readings."""
     widths = [len(cells) for _, cells in rows[len(rows) // 2 :]]
     width = max(set(widths), key=widths.count)
     bottom = [sum(_is_number(c, comma) for c in cells) for _, cells in rows[len(rows) // 2 :]]
@@ -202,18 +210,33 @@ def _parts(
     )
     if first is None:
         raise InputError(f"{path}: found no row of numbers, expected a table of readings")
-    above = [cells for _, cells in rows[:first] if width <= len(cells) <= width + 1]
-    below = above.pop() if len(above) > 1 and is_units_row(above[-1]) else None
-    if not above:
+    wide = [i for i, (_, cells) in enumerate(rows[:first]) if width <= len(cells) <= width + 1]
+    while wide and _is_sparse(rows[wide[-1]][1], comma):
+        wide.pop()
+    if not wide:
         names = [f"column_{i + 1}" for i in range(width)]
         return names, [""] * width, rows[first:]
-    names = above[-1]
-    body = rows[first:]
+    below = rows[wide.pop()][1] if len(wide) > 1 and is_units_row(rows[wide[-1]][1]) else None
+    names = rows[wide[-1]][1]
+    # A reading with few cells stands among those above the first full one
+    partly = [
+        (number, cells) for number, cells in rows[wide[-1] + 1 : first] if _has_number(cells, comma)
+    ]
+    body = partly + rows[first:]
     if len(names) == width + 1 and not names[-1]:
         names = names[:-1]
     names = [name or f"column_{i + 1}" for i, name in enumerate(names)]
     below = None if below is None else (below + [""] * len(names))[: len(names)]
     return *header_units(names, below), body
+
+
+def _is_sparse(cells: list[str], comma: bool) -> bool:
+    """Whether a row is a reading with empty cells, and no names."""
+    return "" in cells[:-1] and _has_number(cells, comma)
+
+
+def _has_number(cells: list[str], comma: bool) -> bool:
+    return any(_is_number(cell, comma) for cell in cells if cell.lower() not in _EMPTY)
 
 
 def _refuse_ragged(path: Path, width: int, body: list[tuple[int, list[str]]]) -> None:

@@ -42,6 +42,25 @@ def test_a_foreign_file_gives_the_same_scan(form, scan, tmp_path):
         )
 
 
+def test_presses_with_numbers_of_their_places_stay_in_the_order_of_time(scan, tmp_path):
+    """A grid pressed in random order: sorted by its numbers, the clock would go back."""
+    shuffled = (scan.press * 50) % 81
+    foreign = FORMS[0](scan.replace(press=np.zeros_like(scan.press)), tmp_path)
+    path = foreign.files[0]
+    lines = path.read_bytes().decode("cp1252").split("\r\n")
+    head = len(lines) - len(scan)
+    for i, number in enumerate(shuffled):
+        lines[head + i] = f"{number};{lines[head + i].partition(';')[2]}"
+    path.write_bytes("\r\n".join(lines).encode("cp1252"))
+    found, said = scan_of_readings(
+        read_recording(foreign.files), parse_rig(foreign.rig + BODY, Path("rig.toml"))
+    )
+    np.testing.assert_array_equal(found.press, scan.press_index)
+    np.testing.assert_allclose(found.time_s, scan.time_s, atol=1e-9)
+    assert "numbered anew, from 0 in the order of time" in said[0]
+    assert "them 0, 50, 19, 69, 38 and so on." in said[0]
+
+
 SMALL = BODY.replace("0.096, 0.096, 0.048", "0.06, 0.06, 0.03")
 SMALL = SMALL.replace("poisson_ratio = 0.49", "poisson_ratio = 0.45\ncell_size_m = 0.01")
 

@@ -4,6 +4,8 @@ import pickle
 
 import numpy as np
 import openpyxl
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
@@ -87,6 +89,48 @@ def test_a_ragged_line_and_a_bad_cell_are_named(tmp_path):
     path.write_text("t;F\n0,1;2,5\n0,2;1\n0,3;\n0,4;5\n0,5;5\n")
     with pytest.raises(InputError, match=r"line 4, F: found an empty cell"):
         read_recording([path]).channel("F", "force.column").numbers()
+
+
+def test_a_reading_below_the_header_is_never_taken_for_a_title(tmp_path):
+    path = tmp_path / "run.csv"
+    full = "".join(f"{i},1,2,3\n" for i in range(5))
+    path.write_text("t,x,y,F\n0,1,2\n" + full)
+    assert "line 2: found 3 cells, expected 4" in refusal(path)
+    path.write_text("t,x,y,F\n0,,,\n" + full)
+    with pytest.raises(InputError, match="line 2, F: found an empty cell"):
+        read_recording([path]).channel("F", "force.column").numbers()
+    path.write_text("0,1,2\n" + full)
+    assert read_recording([path]).notes[0].endswith("1 above them was taken for a title.")
+
+
+def test_a_typographic_minus_is_a_minus(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,F\n1,\N{MINUS SIGN}2.5\n2,3\n3,3\n", encoding="utf-8")
+    assert read_recording([path]).channel("F", "force.column").values.tolist() == [-2.5, 3, 3]
+
+
+@pytest.mark.parametrize("start", [b"\x1f\x8b", b"PK\3\4", b"BZh", b"\xfd7zXZ"])
+def test_a_packed_file_is_to_be_unpacked(start, tmp_path):
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(start + b"\0\0")
+    assert "unpack it first" in refusal(path)
+
+
+def test_the_columns_of_a_parquet_file_are_read(tmp_path):
+    path = tmp_path / "run.parquet"
+    dates = np.array(["2026-01-01T00:00:00.5", "2026-01-01T00:00:01"], "datetime64[ns]")
+    table = {"t [s]": dates, "n": [1, None], "F_mN": [2.5, 3.5], "phase": ["load", None]}
+    pq.write_table(pa.table(table), path)
+    recording = read_recording([path])
+    time, number, force, phase = recording.channels
+    assert (time.unit, force.unit) == ("ns", "mN")
+    assert np.diff(time.values).tolist() == [5e8]
+    assert force.values.tolist() == [2.5, 3.5]
+    assert phase.values.tolist() == ["load", ""]
+    with pytest.raises(InputError, match=r"run\.parquet, row 2, n: found an empty cell"):
+        number.numbers()
+    path.write_bytes(path.read_bytes()[:-9])
+    assert "cannot be read as a Parquet file" in refusal(path)
 
 
 def test_a_wrong_name_is_answered_with_the_nearest_right_one(tmp_path):

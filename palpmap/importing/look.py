@@ -27,7 +27,7 @@ NAMES = {
     "pose": r"pose|position|tcp|tip|translation|^p?_?[xyz]$|^pos|^[xyz]\b",
     "press": r"press|kontakt|contact.?(no|id|nr)?$|^no$|^nr$|^id$|trial|touch.?(no|id)|^n$",
     "phase": r"phase|state|segment|abschnitt|^ph$",
-    "radius": r"radius",
+    "radius": r"radius|^r$",
     "direction": r"^n_?[xyz]$|normal|direction",
 }
 
@@ -61,14 +61,15 @@ def first_fitting(recording: Recording, what: str, fits) -> Channel | None:
 
 
 def counts_presses(channel: Channel) -> bool:
-    """Whether the values number presses: whole, never falling, seldom rising."""
+    """Whether the values number presses: whole, seldom changing, never falling without a name."""
     if not channel.is_number or channel.unit or np.isnan(channel.values).any():
         return False
     values = channel.values
     steps = np.diff(values)
-    whole = np.all(values == np.round(values)) and np.all(steps >= 0)
+    rising = np.all(steps >= 0) or matches(channel, "press")  # or numbers of their places
+    whole = np.all(values == np.round(values)) and rising
     is_topic = RECEIVED in channel.table.columns  # one message a press
-    return bool(whole and 0 < np.sum(steps > 0) < (len(values) if is_topic else len(values) / 2))
+    return bool(whole and 0 < np.sum(steps != 0) < (len(values) if is_topic else len(values) / 2))
 
 
 def find_triples(recording: Recording) -> list[tuple[Channel, Channel, Channel]]:

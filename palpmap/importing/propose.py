@@ -136,7 +136,10 @@ def _readings(
 ) -> list[Line]:
     assert travel is not None
     assert press is not None
-    lines = [Line("\n[press]"), Line(f'number = "{press.name}"', "whole numbers that do not fall")]
+    lines = [
+        Line("\n[press]"),
+        Line(f'number = "{press.name}"', "whole numbers that seldom change"),
+    ]
     phase = next((c for c in recording.channels if matches(c, "phase") and is_phase(c)), None)
     if phase is not None:
         lines.append(Line(f'phase = "{phase.name}"', "few different values"))
@@ -181,12 +184,15 @@ def _readings(
     else:
         lines += [Line("\n# [point]"), Line("# columns =", "the contact points [x, y, z]"),
                   Line("# unit =", "their unit"), *_places(travel.table)]  # fmt: skip
-    radius = next((c for c in recording.channels if c.is_number and matches(c, "radius")), None)
+    radius = next((c for c in recording.channels if c.is_number and matches(c, "radius")
+                   and c.unit in ("", *LENGTH)), None)  # fmt: skip
     if radius is not None:
         unit, why = unit_of([radius], "length")
         lines += [Line("\n[radius]"), Line(f'column = "{radius.name}"', "by its name"),
                   Line(f'unit = "{unit}"', why)]  # fmt: skip
-    return lines
+    said = "".join(line.text for line in [*lines, *_time_lines(travel.table)])
+    rest = [n for n in travel.table.columns if f'"{n}"' not in said and n != PART]
+    return [*lines, Line(f"\n# Not used: {', '.join(rest)}")] if rest else lines
 
 
 def _force_columns(force: tuple[Channel, ...]) -> Line:

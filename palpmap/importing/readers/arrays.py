@@ -7,6 +7,7 @@ Arrays of one group and of equal length become a table; an array of k columns be
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from palpmap.importing.readers.recording import Table, alike
 from palpmap.importing.readers.units import name_and_unit, spelled
 
 MOST_COLUMNS = 64
+_NUMBERED = re.compile(r"\[\d+\]$")
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
 Leaf = tuple[str, str, Any, str]
@@ -145,7 +147,7 @@ def _tables(path: Path, leaves: list[Leaf]) -> tuple[list[Table], list[str]]:
         for column, values in columns.items():
             arrays, units = groups.setdefault((group, len(values)), ({}, {}))
             arrays[column] = values
-            if known := spelled(unit) or name_and_unit(column.partition("[")[0])[1]:
+            if known := spelled(unit) or name_and_unit(_NUMBERED.sub("", column))[1]:
                 units[column] = known
     if not groups:
         raise InputError(f"{path}: found no array of readings, expected named arrays of numbers")

@@ -64,3 +64,17 @@ def test_a_unit_that_is_not_known_is_said(names, unit, proposal):
     text = proposal(**names)
     assert f"the unit '{unit}' is none of" in text
     assert "no unit stated" not in text
+
+
+def test_presses_that_are_numbered_by_their_places_are_readings(proposal):
+    text = proposal(lambda i, cells: cells | {"press": (7, 2, 5)[i // 4]})
+    assert 'kind = "readings"' in text
+    assert '[press]\nnumber = "press"' in text
+
+
+def test_a_column_of_the_tips_radius_is_found_and_what_has_no_use_is_said(proposal):
+    text = proposal(lambda i, cells: cells | {"travel": f"1.5,{4 + i // 6}"}, travel="d_mm,R_mm")
+    assert '[radius]\ncolumn = "R_mm"' in text
+    assert "Not used" not in text
+    text = proposal(lambda i, cells: cells | {"travel": f"1.5,{8 + i // 6}"}, travel="d_mm,wide_mm")
+    assert "\n# Not used: wide_mm\n" in text

@@ -119,7 +119,7 @@ def test_a_packed_file_is_to_be_unpacked(start, tmp_path):
 def test_the_columns_of_a_parquet_file_are_read(tmp_path):
     path = tmp_path / "run.parquet"
     dates = np.array(["2026-01-01T00:00:00.5", "2026-01-01T00:00:01"], "datetime64[ns]")
-    table = {"t [s]": dates, "n": [1, None], "F_mN": [2.5, 3.5], "phase": ["load", None]}
+    table = {"t": dates, "n": [1, None], "F [mN]": [2.5, 3.5], "phase": ["load", None]}
     pq.write_table(pa.table(table), path)
     recording = read_recording([path])
     time, number, force, phase = recording.channels

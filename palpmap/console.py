@@ -145,6 +145,8 @@ def answers(command: Callable[..., bool | None]) -> Callable[..., None]:
         except KeyboardInterrupt as error:
             folder = getattr(error, "folder", None)
             where = f", run folder is readable: {folder}" if folder else ""
+            if getattr(error, "again", False):
+                where += "; files that it had not yet replaced are of the run before"
             complain(f"interrupted{where}")
             raise typer.Exit(INTERRUPTED) from error
         if passed is False:

@@ -73,11 +73,15 @@ class RunsRecord(FileRecord):
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a run; `folder` holds what was written until then."""
+    """Ctrl-C during a run; `folder` holds what was written until then.
 
-    def __init__(self, folder: Path):
+    `again` is true where runs before wrote into it, too.
+    """
+
+    def __init__(self, folder: Path, again: bool):
         super().__init__(str(folder))
         self.folder = folder
+        self.again = again
 
 
 class RunFolder:
@@ -166,7 +170,7 @@ class RunFolder:
             self.finish("done")
         elif isinstance(error, KeyboardInterrupt):
             self.finish("interrupted")
-            raise RunInterrupted(self.path) from error
+            raise RunInterrupted(self.path, bool(self._earlier)) from error
         else:
             self.finish(f"failed: {error}")
 

@@ -158,6 +158,9 @@ def test_ctrl_c_leaves_a_readable_run_folder(tmp_path, capsys):
     (entry,) = runs_of(tmp_path / "run")
     assert entry["outcome"] == "interrupted"
     assert (tmp_path / "run" / "scan.csv").read_text() == "so far"
+    assert exit_code(command) == 130
+    said = "files that it had not yet replaced are of the run before"
+    assert f"{tmp_path / 'run'}; {said}\n" in capsys.readouterr().err
 
 
 def test_a_failed_run_records_its_error(tmp_path):

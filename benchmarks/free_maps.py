@@ -127,6 +127,8 @@ def trial(job: tuple[str, int, float]) -> dict:
     held, seen = np.abs(off) < 1.96 * field.log_sd, field.share >= SPOTS.seen
     apart = [float(np.linalg.norm(np.array([s.x_m, s.y_m, s.z_m]) - body.place))
              for s in field.spots]  # fmt: skip
+    areas = [asdict(a) | {"apart_m": float(np.hypot(a.x_m - body.place[0], a.y_m - body.place[1]))}
+             for a in field.areas]  # fmt: skip
     return {
         "kind": kind, "seed": seed, "smoothness": smoothness,
         "success": fit.success, "chi2_per_dof": fit.chi2_per_dof,
@@ -135,6 +137,7 @@ def trial(job: tuple[str, int, float]) -> dict:
         "evaluations": fit.nfev, "seen": float(seen.mean()),
         "sight_m": field.sight_m, "ball_sight_m": field.ball_sight_m,
         "depth_m": float(SIZE_M[2] - body.place[2]), "factor": body.factor,
+        "areas": areas,
         "spots": [asdict(s) | {"apart_m": d} for s, d in zip(field.spots, apart, strict=True)],
         "cpu_s": time.process_time() - started,
     }  # fmt: skip
@@ -154,7 +157,7 @@ def summary(lines: list[dict]) -> str:
                 f"| {kind} | {len(own)} | {sum(line['success'] for line in own)} "
                 f"| {100 * np.mean(held):.1f} % | {100 * min(held):.0f} % |"
             )
-    says += ["", *spots_summary(lines)]
+    says += ["", *spots_summary(lines), *areas_summary(lines)]
     says.append(f"{np.mean([line['cpu_s'] for line in lines]):.0f} s of CPU a scan.")
     return "\n".join(says)
 
@@ -189,6 +192,26 @@ def spots_summary(lines: list[dict]) -> Iterator[str]:
             if s["probability"] >= SPOTS.probable and not (kind == "ball" and is_of_ball(s))
         ]  # fmt: skip
         yield f"False spots, {kind}: {len(false)} in {len(own)} scans."
+
+
+def areas_summary(lines: list[dict]) -> Iterator[str]:
+    """Yield the areas that are false, and those over the lumps."""
+    for kind in ("layer", "nothing"):
+        own = [line["areas"] for line in lines if line["kind"] == kind]
+        yield f"False areas, {kind}: {sum(map(len, own))} in {len(own)} scans."
+    for kind in ("cube", "torus", "lobes", "ball"):
+        own = [line for line in lines if line["kind"] == kind]
+        first = [line["areas"][0] for line in own if line["areas"]]
+        near = [area["apart_m"] for area in first]
+        right = sum(
+            (line["areas"][0]["contrast"] > 1) == (kind == "ball" or line["factor"] > 1)
+            for line in own if line["areas"]
+        )  # fmt: skip
+        if own:
+            yield (
+                f"First area, {kind}: in {len(near)} of {len(own)} scans, as hard or soft as the "
+                f"lump in {right}, {1e3 * np.median(near or [0]):.1f} mm (median) off it."
+            )
 
 
 def is_of_ball(spot: dict) -> bool:

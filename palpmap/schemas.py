@@ -8,6 +8,7 @@ from pathlib import Path
 from pydantic import Field, JsonValue, TypeAdapter
 
 from identify.fit import (
+    Area,
     Estimate,
     FitIteration,
     Hyper,
@@ -51,7 +52,7 @@ class FreeMapRecord(Record):
 
 
 class FreeFieldRecord(Record):
-    """Prior, precision, sight and spots of a free map."""
+    """Prior, precision, sight, spots and areas of a free map."""
 
     hyper: Hyper
     log_evidence: float = Field(description="of the readings, over that of noise alone")
@@ -74,6 +75,9 @@ class FreeFieldRecord(Record):
     )
     lengths_m: tuple[float, float] = Field(description="least and largest length tried, m")
     spots: tuple[Spot, ...]
+    areas: tuple[Area, ...] = Field(
+        default=(), description="whose presses feel a harder or softer body"
+    )
     ball_sight_m: float = Field(
         default=0.0,
         description="depth down to which a ball of 10 mm would be seen, m; 0 if at none",

@@ -2,6 +2,7 @@
 
 from identify.fit.files import read_fit, write_fit
 from identify.fit.free_compliance_fit import FreeComplianceFit
+from identify.fit.free_map.areas import Area
 from identify.fit.free_map.field import Field, RegionEstimate
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.settings import SPOTS
@@ -23,6 +24,7 @@ from identify.fit.start_map import fit_map
 __all__ = [
     "CONTACT_LAW",
     "SPOTS",
+    "Area",
     "Estimate",
     "Field",
     "FitIteration",

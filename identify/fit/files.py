@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from identify.fit.free_map.field import Balls, Field, RegionEstimate
+from identify.fit.free_map.areas import Area
+from identify.fit.free_map.field import Field, Finds, RegionEstimate
 from identify.fit.free_map.field_evidence import GRADUAL, Hyper
 from identify.fit.free_map.spots import Spot
 from identify.fit.posterior import Posterior, SampledParameter
@@ -140,22 +141,24 @@ def _field_content(field: Field) -> dict:
     found |= {"slips": field.slips, "ball_sight_m": field.ball_sight_m}
     found = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in found.items()}
     return found | {"hyper": asdict(field.hyper), "spots": [asdict(s) for s in field.spots],
+                    "areas": [asdict(a) for a in field.areas],
                     "regions": [asdict(r) for r in field.regions]}  # fmt: skip
 
 
 def _field(content: dict) -> Field:
     hyper, named = content["hyper"], dict(content)
-    balls = Balls(
+    finds = Finds(
         tuple(Spot(**spot) for spot in named.pop("spots")),
         np.array(named.pop("slips", ()), float),
         named.pop("ball_sight_m", 0.0),
+        tuple(Area(**area) for area in named.pop("areas", ())),
     )
     arrays = ("log_sd", "share", "by_press_m", "followed", "press_error", "left_out")
     found: dict[str, Any] = {
         **named,
         # Runs from before the name had the other prior
         "hyper": Hyper(**{"smoothness": GRADUAL, **hyper, "given": tuple(hyper["given"])}),
-        "sought": lambda: balls,
+        "sought": lambda: finds,
         "regions": tuple(RegionEstimate(**region) for region in content.get("regions", ())),
     }
     for name in arrays:

@@ -6,11 +6,12 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from identify.effects import Readings, percent
-from identify.fit import SPOTS, Field, FitResult, RegionEstimate, Spot
+from identify.fit import SPOTS, Area, Field, FitResult, RegionEstimate, Spot
 from models import Scan
 from palpmap import units
 from palpmap.result.tables import Cell, Table, number
 
+_LISTED_AREAS = 6  # of dozens in a dense scan; fit.json has them all
 _SMOOTHNESS = {
     0.5: "0.5, which bends at steep walls",
     1.5: "1.5, for gradual changes, as given",
@@ -18,7 +19,7 @@ _SMOOTHNESS = {
 
 
 def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Table, ...]:
-    """Return the tables of a free map: regions, spots, sight; none of another map.
+    """Return the tables of a free map: regions, spots, areas, sight; none of another map.
 
     Positions are in the scan's frame.
     """
@@ -39,6 +40,7 @@ def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Tabl
     return (
         *regions,
         spots,
+        *((_area_table(field.areas, explained, origin_m),) if field.areas else ()),
         _sight_table(field, scan, (odds, _open(field.spots, scan.probe_radius_m), rim)),
     )
 
@@ -106,9 +108,32 @@ def _spot_table(
         )
         for s in spots
     ]  # fmt: skip
-    none = "none that differs from its surroundings"
+    none = "none: no ball beside the map's own changes"
     rows = rows or [(none if success else "not looked for: the search did not end",)]
     return Table.of(head[: len(rows[0])], rows, "spots")
+
+
+def _area_table(areas: Sequence[Area], explained: bool, origin_m: np.ndarray) -> Table:
+    """Return the areas whose presses feel a harder or softer body than the others."""
+    head = ("Area", *map(number, ("x, y in mm", "Size, mm", "Presses", "Felt, times (95 %)")))
+    x, y, _ = origin_m
+    rows: list[tuple[Cell | str, ...]] = [
+        (
+            Cell(
+                ("hard" if a.contrast > 1 else "soft") + ", at the rim" * a.at_rim,
+                "good" if explained and not a.at_rim else "dim",
+            ),
+            f"{1e3 * (a.x_m + x):.1f}, {1e3 * (a.y_m + y):.1f}",
+            f"{1e3 * a.length_m:.0f} x {1e3 * a.width_m:.0f}",
+            str(a.presses),
+            f"{a.contrast:.3g} ({a.lower95:.3g} to {a.upper95:.3g})",
+        )
+        for a in areas[:_LISTED_AREAS]
+    ]
+    smaller = len(areas) - len(rows)
+    if smaller > 0:
+        rows.append((f"and {smaller} more", "", "", "", ""))
+    return Table.of(head, rows, "areas")
 
 
 def _region_table(regions: Sequence[RegionEstimate]) -> Table:

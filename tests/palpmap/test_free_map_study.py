@@ -77,6 +77,9 @@ def test_a_free_fit_is_written_read_and_compared(tmp_path):
     assert made.exit_code == 0, made.output
     assert "depth of sight" in made.output
     again = pm.read_run(run).fit
+    areas = json.loads((run / "fit.json").read_text(encoding="utf-8"))["field"]["areas"]
+    assert [a.contrast for a in again.field.areas] == [a["contrast"] for a in areas] != []
+    assert "Felt, times" in made.output
     compared = runner.invoke(app, ["compare", str(run)])
     assert compared.exit_code in (0, 1), compared.output
     assert "Traceback" not in compared.output

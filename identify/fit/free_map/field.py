@@ -1,4 +1,4 @@
-"""The record of a free map beside its most probable field: prior, precision, sight, spots."""
+"""The record of a free map beside its most probable field: prior, precision, sight, finds."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from identify.fit.free_map.areas import Area, find_areas
 from identify.fit.free_map.ball_search import BallSearch, share_inside
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.field_posterior import FieldPosterior
@@ -35,17 +36,18 @@ class RegionEstimate:
     seen: float
 
 
-class Balls(NamedTuple):
-    """Finds of a search for balls in a field.
+class Finds(NamedTuple):
+    """Finds of a search for balls and areas in a field.
 
     Attributes
     ----------
-    spots, slips, sight_m : see `Field`, whose `ball_sight_m` is the last
+    spots, slips, sight_m, areas : see `Field`, whose `ball_sight_m` is the third
     """
 
     spots: tuple[Spot, ...] = ()
     slips: np.ndarray = np.zeros(0)
     sight_m: float = 0.0
+    areas: tuple[Area, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,8 @@ class Field:
     errs : (j,) bool, presses with errors of their own, weighted down
     lengths_m : least and largest length that was tried
     regions : of a map with labelled regions
-    sought : finds the balls when they are first asked for: it takes as long as a step of the fit
+    sought : finds balls and areas when they are first asked for: it takes as long as a step of the
+        fit
     posterior : for draws and resolution; both only of a fit that was made here
     """
 
@@ -91,7 +94,7 @@ class Field:
     errs: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     lengths_m: tuple[float, float] = (0.0, 0.0)
     regions: tuple[RegionEstimate, ...] = ()
-    sought: Callable[[], Balls] = Balls
+    sought: Callable[[], Finds] = Finds
     posterior: FieldPosterior | None = None
 
     @classmethod
@@ -125,6 +128,8 @@ class Field:
         inside = seen if seen.any() else np.ones_like(seen)
         sd, _ = _mean_told(posterior, inside)
         directions, gain = posterior.modes
+        even = model.unit_compliance
+        log_felt = None if even is None else np.log(even / at.body.compliance)
         return cls(
             hyper=hyper,
             log_evidence=posterior.log_evidence,
@@ -141,23 +146,28 @@ class Field:
             regions=tuple(_regions(posterior, log_prior_mean + estimate)),
             by_press_m=model.by_log_compliance(at),
             followed=directions[:, gain > least],
-            sought=partial(_balls, posterior, hyper, lengths_m[1], model, converged),
+            sought=partial(_finds, posterior, log_felt, hyper, lengths_m[1], model, converged),
             posterior=posterior,
         )
 
     @cached_property
-    def _balls(self) -> Balls:
+    def _finds(self) -> Finds:
         return self.sought()
 
     @property
     def spots(self) -> tuple[Spot, ...]:
         """Places harder or softer than their surroundings."""
-        return self._balls.spots
+        return self._finds.spots
+
+    @property
+    def areas(self) -> tuple[Area, ...]:
+        """Areas whose presses feel a harder or softer body than the others."""
+        return self._finds.areas
 
     @property
     def slips(self) -> np.ndarray:
         """Probability (j,) that a press slipped, against a ball under it and none."""
-        return self._balls.slips
+        return self._finds.slips
 
     @property
     def ball_sight_m(self) -> float:
@@ -165,7 +175,7 @@ class Field:
 
         A ball of `SpotSettings.ball_m`, by `SpotSettings.sure` standard deviations.
         """
-        return self._balls.sight_m
+        return self._finds.sight_m
 
     @property
     def slipped(self) -> np.ndarray:
@@ -207,18 +217,22 @@ class Field:
         return self.by_press_m[:, None] * self.followed[press]
 
 
-def _balls(
+def _finds(
     posterior: FieldPosterior,
+    log_felt: np.ndarray | None,
     hyper: Hyper,
     longest_m: float,
     model: MeasurementModel,
     converged: bool,
-) -> Balls:
-    search = BallSearch(posterior, hyper, longest_m)
-    spots, slips = (), np.zeros(model.readings.presses)
+) -> Finds:
+    search, readings = BallSearch(posterior, hyper, longest_m), model.readings
+    spots, slips, areas = (), np.zeros(readings.presses), ()
     if converged:
         spots, slips = find_spots(search, posterior)
-    return Balls(spots, slips, _ball_sight_m(search, model))
+        if log_felt is not None:
+            points_m, tip_m = model.mechanics.contacts.points_m, readings.radius_m[readings.first]
+            areas = find_areas(posterior, log_felt, points_m, tip_m)
+    return Finds(spots, slips, _ball_sight_m(search, model), areas)
 
 
 def _mean_told(posterior: FieldPosterior, inside: np.ndarray) -> tuple[float, float]:

@@ -121,7 +121,7 @@ FREE_MAP = FreeMapSettings()
 
 @dataclass(frozen=True)
 class SpotSettings:
-    """Settings of the spots of a free map (`identify.fit.free_map.spots`).
+    """Settings of the spots and areas of a free map (`identify.fit.free_map.spots`).
 
     Attributes
     ----------
@@ -154,6 +154,11 @@ class SpotSettings:
     ball_m, ball_contrast, sure : diameter and contrast of the ball whose depth of sight is told,
         and standard deviations of the readings from which on it is seen
     possible, probable : probability from which on a spot is listed, and offered
+    area_draws, area_confidence : draws of the field by which areas are judged
+        (`identify.fit.free_map.areas`), and the share of them in which no press may lie beyond
+    area_presses, area_place, area_reach : presses of an area, at least; distance of two places, in
+        tip radii, at least; and of neighbours, in the distance of places
+    area_edge : difference at the edge of an area, in that of its middle
     explained : chi-square per degree of freedom up to which these probabilities are trusted
     """
 
@@ -186,6 +191,12 @@ class SpotSettings:
     sure: float = 7.0
     possible: float = 0.5
     probable: float = 0.95
+    area_draws: int = 400
+    area_confidence: float = 0.95
+    area_presses: int = 3
+    area_place: float = 0.2
+    area_reach: float = 1.6
+    area_edge: float = 0.5
     explained: float = 2.0
 
 

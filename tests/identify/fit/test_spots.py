@@ -26,13 +26,16 @@ def grid() -> Grid:
     return Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.003)
 
 
+def presses() -> Contacts:
+    x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(0.01, 0.05, 6)] * 2))
+    points = np.column_stack([x, y, np.full(x.size, SIZE_M[2])])
+    return Contacts(points, np.tile([0, 0, -1.0], (x.size, 1)), np.full(x.size, 0.003))
+
+
 @pytest.fixture(scope="module")
 def by_field(grid) -> np.ndarray:
     """Derivative (36, g) of ln C by the field of an even body, of presses with a flat tip."""
-    x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(0.01, 0.05, 6)] * 2))
-    points = np.column_stack([x, y, np.full(x.size, SIZE_M[2])])
-    presses = Contacts(points, np.tile([0, 0, -1.0], (x.size, 1)), np.full(x.size, 0.003))
-    model = PalpationModel(block_mesh(SIZE_M, (8, 8, 4)), 0.45, presses)
+    model = PalpationModel(block_mesh(SIZE_M, (8, 8, 4)), 0.45, presses())
     even = GaussianMap(8e3).modulus(model.points_m)
     response = model.evaluate(even)
     by_log = response.sensitivity @ grid.weights(model.points_m).multiply(even[:, None]).tocsr()

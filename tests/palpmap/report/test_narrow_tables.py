@@ -9,11 +9,11 @@ import pytest
 from rich.console import Console
 
 from identify.design import UndetectedBias
-from identify.fit import Spot
+from identify.fit import Area, Spot
 from identify.map import GaussianMap, Inclusion, parameter_space
 from palpmap.report.draw import console
 from palpmap.report.limits_console import limits_screen
-from palpmap.result.field_tables import _open, _rim, _spot_table
+from palpmap.result.field_tables import _area_table, _open, _rim, _spot_table
 from palpmap.result.records import LimitRecord, LimitsRecord, ParameterRecord
 from palpmap.result.tables import Table, number, parameter_table
 
@@ -35,6 +35,19 @@ def test_no_word_of_the_table_of_spots_is_cut_in_a_terminal_of_80_columns():
     assert old[5:] == ["10", "0.7", "(0.17", "to", "2.4)", "0.60"]  # of a file without interval
     assert "Probability" in out.getvalue()
     assert "+- mm" in out.getvalue()
+
+
+def test_a_table_of_areas_fits_a_terminal_of_80_columns_and_counts_those_beyond_the_first():
+    area = Area(-0.1384, 0.1398, -0.0574, 0.0442, 0.0095, 138, 1.0853, 1.0742, 1.0961, False)
+    rim = Area(-0.1384, 0.1398, -0.0574, 0.0442, 0.0095, 38, 0.853, 0.8442, 0.861, True)
+    table = _area_table([area, *[rim] * 7], True, np.array([0.0, 0.0, 0.1]))
+    out = io.StringIO()
+    Console(file=out, width=80).print(console(table))
+    assert "hard              -138.4, 139.8   44 x 10" in out.getvalue()
+    assert "1.09 (1.07 to 1.1)" in out.getvalue()
+    assert "and 2 more" in out.getvalue()
+    assert (table.rows[0][0].tone, table.rows[1][0].tone) == ("good", "dim")
+    assert _area_table([area], False, np.zeros(3)).rows[0][0].tone == "dim"
 
 
 def test_a_wide_spot_has_its_depth_size_and_contrast_open():

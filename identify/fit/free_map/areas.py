@@ -1,0 +1,128 @@
+"""Areas whose presses feel a harder or softer body than the others: bands, walls, wide lumps.
+
+Balls have a test of their own (`identify.fit.free_map.spots`); a band is none, and a prior that
+bends steeply draws it without any. What a press feels is its apparent modulus on the map, that of
+an even body of its compliance. Presses of one tip feel the same depths, so that layers do not
+count. Draws of the posterior give its standard deviation against the middle half of the presses
+of the tip, and the largest that all presses together have by chance. An area holds a press beyond
+that, and the neighbours that differ by more than 1.96 of their own and half as much as the most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.distance import cdist
+
+from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.settings import SPOTS, SpotSettings
+
+_OWN = 1.96  # standard deviations by which the presses of an area differ
+
+
+@dataclass(frozen=True)
+class Area:
+    """An area whose presses feel a harder or softer body than the others.
+
+    Attributes
+    ----------
+    x_m, y_m, z_m : middle of its contact points, body frame
+    length_m, width_m : edges of the rectangle of the same second moments
+    presses : number in it
+    contrast : modulus that they feel over that of the other presses, geometric means
+    lower95, upper95 : interval of the contrast
+    at_rim : it reaches the outermost presses, where a side of the body is felt, too
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    length_m: float
+    width_m: float
+    presses: int
+    contrast: float
+    lower95: float
+    upper95: float
+    at_rim: bool
+
+
+def find_areas(
+    posterior: FieldPosterior,
+    log_felt: np.ndarray,
+    points_m: np.ndarray,
+    tip_m: np.ndarray,
+    settings: SpotSettings = SPOTS,
+) -> tuple[Area, ...]:
+    """Return the areas that differ for sure, all presses counted; first what differs most in all.
+
+    Parameters
+    ----------
+    log_felt : (j,) logarithm of the modulus that each press feels on the map
+    points_m : (j, 3) where each touches
+    tip_m : (j,) radius of each tip
+    """
+    data = posterior.data
+    told = np.flatnonzero(data.sums.normal[:, 0, 0] > 0)
+    if len(told) <= settings.area_presses:
+        return ()
+    points, tip_m = points_m[told], tip_m[told]
+    changes = posterior.draws(np.random.default_rng(0), settings.area_draws) - posterior.mean
+    felt = np.vstack([log_felt[told], -changes @ data.by_field[told].T])
+    for radius in np.unique(tip_m):
+        of_tip = np.flatnonzero(tip_m == radius)
+        low, high = np.quantile(felt[0, of_tip], (0.25, 0.75))
+        middle = of_tip[(felt[0, of_tip] >= low) & (felt[0, of_tip] <= high)]
+        felt[:, of_tip] -= felt[:, middle].mean(axis=1, keepdims=True)
+    unit = felt[1:].std(axis=0)
+    unit[unit < 1e-12] = np.inf  # the only press of its tip
+    sure = np.quantile(np.abs(felt[1:] / unit).max(axis=1), settings.area_confidence)
+    apart = cdist(points, points)
+    others = np.where(apart > settings.area_place * tip_m.min(), apart, np.inf)
+    spacing_m = float(np.median(others.min(axis=1)))
+    if not np.isfinite(spacing_m):  # presses of one place
+        return ()
+    rim = _outermost(points)
+    areas = []
+    for sign in (1, -1):
+        beyond = sign * felt[0] / unit
+        for inside in _clusters(beyond > _OWN, apart < settings.area_reach * spacing_m):
+            if beyond[inside].max() < sure:
+                continue
+            most = np.abs(felt[0, inside]).max()
+            inside = inside[np.abs(felt[0, inside]) > settings.area_edge * most]
+            if len(inside) < settings.area_presses:
+                continue
+            rest = np.delete(felt, inside, axis=1).mean(axis=1)
+            contrast, *changed = (felt[:, inside].mean(axis=1) - rest).tolist()
+            log = contrast + 1.96 * float(np.std(changed)) * np.array([0, -1, 1])
+            contrast, lower, upper = np.exp(log).tolist()
+            away = points[inside] - points[inside].mean(axis=0)
+            moments = np.linalg.eigvalsh(away.T @ away / len(inside))[1:] + spacing_m**2 / 12
+            width, length = np.sqrt(12 * moments).tolist()
+            x, y, z = points[inside].mean(axis=0).tolist()
+            at_rim = bool(np.isin(inside, rim).any())
+            areas.append(Area(x, y, z, length, width, len(inside), contrast, lower, upper, at_rim))
+    return tuple(sorted(areas, key=lambda area: -area.presses * abs(np.log(area.contrast))))
+
+
+def _outermost(points: np.ndarray) -> np.ndarray:
+    """Return the numbers of the points (j, 3) on their outline, seen along their least extent."""
+    away = points - points.mean(axis=0)
+    axes = np.linalg.svd(away, full_matrices=False)[2][:2]
+    try:
+        return ConvexHull(away @ axes.T).vertices
+    except QhullError:  # in one line
+        return np.arange(len(points))
+
+
+def _clusters(some: np.ndarray, near: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield the numbers of those among some presses (j,) bool that are neighbours (j, j) bool."""
+    numbers = np.flatnonzero(some)
+    _, labels = connected_components(csr_array(near[np.ix_(numbers, numbers)]), directed=False)
+    for label in np.unique(labels):
+        yield numbers[labels == label]

@@ -1,0 +1,72 @@
+"""Areas of a free map, in readings that are linear in the field."""
+
+import numpy as np
+import pytest
+
+from identify.fit.free_map.areas import Area, find_areas
+from identify.fit.free_map.field_posterior import FieldPosterior
+from tests.identify.fit.test_spots import (
+    NOISE,
+    by_field,
+    grid,
+    posterior,
+    presses,
+)
+
+__all__ = ["by_field", "grid"]
+
+
+TIP_M = np.full(36, 0.003)
+
+
+def areas(by_field, found: FieldPosterior) -> tuple[Area, ...]:
+    return find_areas(found, -by_field @ found.mean, presses().points_m, TIP_M)
+
+
+def noisy(by_field, field, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return by_field @ field + NOISE * rng.standard_normal(len(by_field))
+
+
+def test_a_band_is_an_area_with_its_place_size_and_contrast(by_field, grid):
+    x, y, z = grid.points_m.T
+    band = np.log(2.0) * ((np.abs(y - 0.026) < 0.005) & (x > 0.008) & (x < 0.052) & (z > 0.015))
+    found = areas(by_field, posterior(by_field, grid, noisy(by_field, band, 1)))
+    first = found[0]
+    assert np.hypot(first.x_m - 0.03, first.y_m - 0.026) < 0.003
+    assert first.length_m == pytest.approx(0.044, abs=0.006)
+    assert first.width_m < 0.02
+    assert not first.at_rim
+    inside = np.abs(presses().points_m[:, 1] - 0.026) < 0.005
+    assert first.presses == inside.sum()
+    felt = -by_field @ band
+    assert np.log(first.lower95) < felt[inside].mean() - felt[~inside].mean()
+    assert np.log(first.upper95) > felt[inside].mean() - felt[~inside].mean()
+    soft = areas(by_field, posterior(by_field, grid, noisy(by_field, -band, 1)))[0]
+    assert soft.contrast < 1
+
+
+def test_even_bodies_and_layered_ones_seldom_have_an_area(by_field, grid):
+    """60 of them, one in twenty by chance."""
+    false = 0
+    for seed in range(60):
+        layer = (seed % 3 - 1) * (np.abs(grid.points_m[:, 2] - 0.022) < 0.004)
+        false += bool(areas(by_field, posterior(by_field, grid, noisy(by_field, layer, seed))))
+    assert false <= 8  # three are expected; more have a chance of 1 %
+
+
+def test_single_presses_are_no_area_and_those_of_each_tip_are_compared_with_their_own(
+    by_field, grid
+):
+    even, points = np.zeros(len(grid)), presses().points_m
+    slipped = noisy(by_field, even, 2)
+    slipped[14] += 0.3
+    assert areas(by_field, posterior(by_field, grid, slipped)) == ()
+    # Over a hard base the wider tip feels a harder body
+    wide = np.arange(len(points)) % 4 > 1
+    of_press = noisy(by_field, even, 3) - 0.2 * wide
+    found = posterior(by_field, grid, of_press)
+    felt = -by_field @ found.mean + 0.2 * wide
+    assert find_areas(found, felt, points, np.where(wide, 0.006, 0.003)) == ()
+    assert find_areas(found, felt, points, TIP_M)
+    assert find_areas(found, felt, np.tile(points[:1], (len(points), 1)), TIP_M) == ()

@@ -21,6 +21,7 @@ from __future__ import annotations
 import csv
 import os
 from dataclasses import dataclass, fields
+from operator import index
 from pathlib import Path
 
 import numpy as np
@@ -204,9 +205,18 @@ def grid_program(
     >>> pm.grid_program(per_side=2, repeats=2).y_m.tolist()
     [0.012, 0.012, 0.084, 0.084, 0.012, 0.012, 0.084, 0.084]
     """
+    try:
+        per_side, repeats = index(per_side), index(repeats)
+        radii_m, force_shares = tuple(radii_m), tuple(force_shares)
+        x_m, y_m = (float(edge) for edge in size_m[:2])
+    except TypeError as error:
+        raise InputError(
+            "A grid needs whole numbers per_side and repeats, lists radii_m and force_shares, and "
+            "the edges of the body, size_m = (x, y, z)."
+        ) from error
     if per_side < 2 or repeats < 1 or not radii_m or not force_shares:
         raise InputError("A grid needs two points a side, one repeat, radius and force or more.")
-    x, y = (np.linspace(margin_share, 1 - margin_share, per_side) * edge for edge in size_m[:2])
+    x, y = (np.linspace(margin_share, 1 - margin_share, per_side) * edge for edge in (x_m, y_m))
     count = per_side**2 * repeats
     radius = np.resize(np.array(radii_m, float), count)
     share = np.resize(np.repeat(np.array(force_shares, float), len(radii_m)), count)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from models.errors import InputError
 from models.scan_columns import CONTACT_PHASES, OUTCOMES, PHASES
 
 _WORDS = {"phase": PHASES, "outcome": OUTCOMES}
@@ -73,15 +74,15 @@ class Scan:
             words = _WORDS.get(name)
             if words and not np.isin(array, words).all():
                 unknown = set(array.tolist()) - set(words)
-                raise ValueError(f"{name} holds {unknown}, expected {words}")
+                raise InputError(f"{name} holds {unknown}, expected {words}")
             array = array.astype(kinds.get(name, np.float64))
             shape = (m, widths[name]) if name in widths else (m,)
             if array.shape != shape:
-                raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
+                raise InputError(f"{name} has shape {array.shape}, expected {shape}")
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         if np.any(np.diff(self.press) < 0):
-            raise ValueError("press ids fall, expected the order in which the presses were made")
+            raise InputError("press ids fall, expected the order in which the presses were made")
 
     @property
     def columns(self) -> dict[str, np.ndarray]:

@@ -31,6 +31,7 @@ from identify.residual import predict as predict_scan
 from identify.residual import run_difference
 from identify.select import kind_of_map, refuse_effect, with_effects
 from models import Catalogue, InputError, PressProgram, Scan, read_program, touching
+from palpmap.arguments import refuse_other_kinds
 from palpmap.experiment import Experiment, read_study, refuse_other
 from palpmap.prediction_results import MapChange, Prediction
 from palpmap.result.outline import study_outline
@@ -269,6 +270,7 @@ def scan(
     from sim.motion import ScanSettings, read_tips
     from sim.scan import refuse_plants
 
+    refuse_other_kinds(body=body, map=map, arm=arm, program=program, presses=presses, tips=tips)
     refuse_plants(plant)
     study = virtual_lab.default_study()
     study = study if body is None else study.model_copy(update={"body": body})

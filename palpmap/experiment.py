@@ -117,6 +117,8 @@ class Experiment:
                 f'study, key map.kind: found "{kind}", which takes no number of inclusions; leave '
                 'it out or set kind = "inclusions"'
             )
+        if isinstance(inclusions, np.integer):
+            inclusions = int(inclusions)
         map_table = self.study.map.model_copy(update={"inclusions": inclusions})
         checked = Map(**map_table.model_dump(warnings=False))
         study = self.study.model_copy(update={"map": checked})
@@ -170,6 +172,8 @@ class Experiment:
         InputError
             Scan and study do not fit together.
         """
+        if not callable(say):
+            raise InputError(f"progress: found {say!r}, expected a function of a text, as print")
         thin = thin and len(self.scan.press_ids) > most_presses(self.study)
         if thin not in self._open:
             catalogue = catalogue_with(self.own_effects)

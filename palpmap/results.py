@@ -23,6 +23,7 @@ from models import InputError
 from palpmap.experiment import Experiment
 from palpmap.run_folder import RunFolder
 from palpmap.study.faults import shortened
+from palpmap.study.study import Uncertainty
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -151,7 +152,7 @@ class FitResult(Shown, FitRecord):
 
         Parameters
         ----------
-        samples : number of draws
+        samples : number of draws, 1000 or more; 0 for none
         seed : of the random numbers
         progress : called with the number of draws so far, in words
 
@@ -161,6 +162,8 @@ class FitResult(Shown, FitRecord):
             The posterior cannot be drawn: why.
         """
         refuse_samples(self)
+        if not Uncertainty(samples=samples).samples:
+            return replace(self, posterior=None)
 
         def say(drawn: int) -> None:
             if drawn % _SAID == 0 or drawn == samples:

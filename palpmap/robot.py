@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from identify.map import GaussianMap
 from models import InputError, Scan, stack_scans
+from palpmap.arguments import for_each, refuse_other_kinds, rows
 from palpmap.study import virtual_lab
 from palpmap.study.body import Body
 from palpmap.study.press_plan import plan_at, surface_of
@@ -95,6 +96,7 @@ class Robot:
         from sim.robot import Mechanisms
         from sim.scan import Session
 
+        refuse_other_kinds(body=body, tip=tip, map=map, arm=arm)
         known = virtual_lab.default_study()
         update = {"body": body or known.body, "probe": tip or known.probe}
         self.study: Study = known.model_copy(update=update)
@@ -132,7 +134,7 @@ class Robot:
         InputError
             A place beside the body.
         """
-        places = np.atleast_2d(np.asarray(xy_m, float)) - self._origin[:2]
+        places = rows("xy_m", xy_m, 2) - self._origin[:2]
         points = self._surface.top(places)
         if np.isnan(points).any():
             j = int(np.flatnonzero(np.isnan(points[:, 2]))[0])
@@ -163,6 +165,10 @@ class Robot:
         InputError
             A press that cannot be made, would go too deep, or is not on the body.
         """
+        if on_unreachable not in ("raise", "skip"):
+            raise InputError(
+                f"on_unreachable: found {on_unreachable!r}, expected 'raise' or 'skip'"
+            )
         plan = self._plan(points_m, directions, force_n)
         from sim.motion import beyond_limits, refuse
 
@@ -207,8 +213,10 @@ class Robot:
         InputError
             A pose that the arm does not reach.
         """
-        points = np.atleast_2d(np.asarray(points_m, float))
-        axes = np.broadcast_to(np.asarray(directions, float), points.shape)
+        points = rows("points_m", points_m, 3)
+        axes = for_each("directions", directions, points.shape)
+        if not speed_m_per_s > 0:
+            raise InputError(f"speed_m_per_s: found {speed_m_per_s!r}, expected greater than 0")
         if force_n is None:
             found = self._session.follow(points - self._origin, axes, speed_m_per_s)
         else:
@@ -244,7 +252,7 @@ class Robot:
     def _plan(
         self, points_m: ArrayLike, directions: ArrayLike | None, force_n: float | ArrayLike
     ) -> ScanPlan:
-        points = np.atleast_2d(np.asarray(points_m, float)) - self._origin
+        points = rows("points_m", points_m, 3) - self._origin
         footing = self._surface.footing(points, self.study.probe.radius_m)
         away = np.linalg.norm(footing.points_m - points, axis=1)
         if away.max() > OFF_SURFACE_M:
@@ -253,9 +261,9 @@ class Robot:
                 f"point {j} at {np.round(1e3 * (points[j] + self._origin), 2).tolist()} mm is "
                 f"{1e3 * away[j]:.3g} mm off the body's surface; take one of robot.surface()"
             )
-        along = -footing.normals if directions is None else np.asarray(directions, float)
-        along = np.broadcast_to(along, points.shape)
-        forces = np.broadcast_to(np.asarray(force_n, float), len(points))
+        along = -footing.normals if directions is None else directions
+        along = for_each("directions", along, points.shape)
+        forces = for_each("force_n", force_n, (len(points),))
         plan = plan_at(self.study, footing.points_m, along, float(forces.max()))
         return replace(plan, forces_n=forces.copy())
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
 
 from identify import PlacedExperiment, Progress, silent
@@ -31,8 +31,9 @@ def start(
     ----------
     effects : candidates, beside the study's own
     """
-    for effect in (effects,) if isinstance(effects, str | Effect) else effects:
-        if isinstance(effects, Effect) or not isinstance(effect, Effect):
+    listed = isinstance(effects, Iterable) and not isinstance(effects, str)
+    for effect in effects if listed else (effects,):
+        if not listed or not isinstance(effect, Effect):
             raise InputError(
                 f"effects: found {effect!r}, expected a list of effects: CATALOGUE['force_drift'], "
                 "or MyEffect() of one of your own"

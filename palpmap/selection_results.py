@@ -107,6 +107,8 @@ class Diagnosis(Shown):
         InputError
             No such effect, or the scan cannot show it.
         """
+        if not isinstance(name, str):
+            raise InputError(f"found {name!r}, expected an effect's name, as 'force_drift'")
         effect, score, say = self.problem.catalogue[name], self.step.diagnosis[name], self._say
         if score.untestable is not None:
             raise InputError(f"the effect '{name}' cannot be added: {score.untestable}")

@@ -33,7 +33,7 @@ ORDER = {
     ),
     "palpmap": (
         "study", "importing.readers", "importing.mapping", "importing.streams", "importing",
-        "experiment", "result", "figures", "report", "recording", "run_files",
+        "experiment", "arguments", "result", "figures", "report", "recording", "run_files",
         "results", "prediction_results", "selection_results", "sides", "selection", "export", "api",
         "robot", "paper", "commands", "blind", "cli",
     ),

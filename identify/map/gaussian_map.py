@@ -100,8 +100,15 @@ class GaussianMap:
     inclusions: tuple[Inclusion, ...] = ()
 
     def __post_init__(self) -> None:
-        if not np.all(np.isfinite(self.values)):
-            raise InputError(f"a map's parameters must be finite numbers, found {self}")
+        try:
+            finite = bool(np.all(np.isfinite(self.values)))
+        except TypeError:  # text, or one inclusion in place of a list
+            finite = False
+        if not finite:
+            raise InputError(
+                "a map takes finite numbers and a tuple of inclusions, found background_pa = "
+                f"{self.background_pa!r}, inclusions = {self.inclusions!r}"
+            )
         for i, inclusion in enumerate(self.inclusions, start=1):
             if not inclusion.radius_m > 0:
                 raise InputError(

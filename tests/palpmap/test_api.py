@@ -201,6 +201,7 @@ SIZE = (0.1, 0.1, 0.05)
 SHAPE: Any = {"shape": "block", "size_m": SIZE}
 WRONG_EFFECTS: Any = ["force_drift"]
 WRONG_SCAN: Any = "scan.csv"
+WRONG_INCLUSION: Any = pm.Inclusion(9e3, 0.03, 0.03, 0.02, 0.01)
 NOTHING: Any = None
 
 
@@ -283,6 +284,22 @@ def of_arrays(**values) -> pm.Experiment:
             lambda: pm.scan(BODY, map=pm.GaussianMap(6e3, (pm.Inclusion(9e3, 0.5, 0, 0, 0.01),))),
             "map.inclusions.0.x_m: found 0.5 m, expected 0 to 0.06 m, inside the body",
         ),
+        (lambda: pm.scan(WRONG), "body: found Probe(tip='flat'"),
+        (lambda: pm.scan(BODY, map=WRONG_SCAN), "expected a map, such as pm.GaussianMap(6000.0)"),
+        (lambda: pm.scan(BODY, arm=WRONG), "arm: found Probe("),
+        (lambda: pm.scan(BODY, WRONG), "expected a pm.PressProgram or the path of one"),
+        (lambda: pm.scan(BODY, presses=WRONG), "presses: found Probe("),
+        (lambda: pm.scan(BODY, tips=WRONG), 'expected a text, such as "3,10"'),
+        (lambda: pm.grid_program(WRONG), "the edges of the body, size_m = (x, y, z)"),
+        (lambda: pm.grid_program(SIZE, per_side=WRONG), "A grid needs whole numbers per_side"),
+        (lambda: pm.GaussianMap(WRONG_SCAN), "found background_pa = 'scan.csv', inclusions = ()"),
+        (
+            lambda: pm.GaussianMap(6e3, WRONG_INCLUSION),
+            "a map takes finite numbers and a tuple of inclusions, found background_pa = 6000.0, ",
+        ),
+        (lambda: pm.diagnose(of_arrays(), effects=NOTHING), "found None, expected a list of eff"),
+        (lambda: pm.fit(of_arrays(), progress=NOTHING), "progress: found None, expected a func"),
+        (lambda: of_arrays().scan.replace(force_n=np.ones(3)), "force_n has shape (3,), expected"),
         (lambda: pm.read_study("nowhere.toml"), "nowhere.toml: no such file"),
         (lambda: pm.read_run(ROOT / "docs"), "found no fit.json"),
     ],
@@ -292,6 +309,17 @@ def test_bad_input_gets_a_sentence(make, sentence):
         make()
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_too_few_samples_are_refused_as_in_a_study():
+    fit = pm.fit(pm.read_study(TWELVE))
+    with pytest.raises(pm.InputError, match="samples: found 10, expected a whole number from 1000"):
+        fit.sample(10)
+
+
+def test_a_number_of_inclusions_may_be_numpys():
+    number: Any = np.int64(2)
+    assert of_arrays().with_inclusions(number).study.map.inclusions == 2
 
 
 def test_a_body_takes_arrays():

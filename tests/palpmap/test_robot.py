@@ -45,6 +45,32 @@ def test_a_press_off_the_body_or_out_of_reach_is_refused_by_its_number(arm):
         arm.press([0.13, 0.03, 0.04], tilted)
 
 
+POINT = (0.13, 0.03, 0.04)
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda arm: arm.press(POINT[:2]), "points_m: found (0.13, 0.03), expected 3 finite numb"),
+        (lambda arm: arm.press([]), "points_m: found [], expected 3 finite numbers, or rows of 3"),
+        (lambda arm: arm.press((0.13, np.nan, 0.04)), "points_m: found (0.13, nan, 0.04), expec"),
+        (lambda arm: arm.press(POINT, force_n="soft"), "force_n: found 'soft', expected one numb"),
+        (lambda arm: arm.press([POINT] * 2, force_n=[0.1] * 3), "or one number for each of the 2"),
+        (lambda arm: arm.press([POINT] * 2, [[0, 0, -1]] * 3), "directions: found [[0, 0, -1], "),
+        (lambda arm: arm.press(POINT, on_unreachable="go"), "found 'go', expected 'raise' or 's"),
+        (lambda arm: arm.follow([POINT[:2]]), "points_m: found [(0.13, 0.03)], expected 3 finite"),
+        (lambda arm: arm.follow([POINT] * 2, speed_m_per_s=-0.1), "speed_m_per_s: found -0.1, ex"),
+        (lambda arm: arm.surface(POINT), "xy_m: found (0.13, 0.03, 0.04), expected 2 finite numb"),
+        (lambda arm: pm.Robot(arm), "body: found <palpmap.robot.Robot"),
+        (lambda arm: pm.Robot(map=8000.0), "map: found 8000.0, expected a map, such as"),
+    ],
+)
+def test_what_the_robot_cannot_take_is_refused_in_a_sentence(ask, said, arm):
+    with pytest.raises(pm.InputError) as caught:
+        ask(arm)
+    assert said in str(caught.value)
+
+
 def test_a_path_through_the_air_is_clear_and_one_into_the_table_meets_it(arm):
     clear = arm.follow([[0.12, 0.04, 0.08], [0.16, 0.06, 0.08]], speed_m_per_s=0.1)
     pm.assert_path_clear(clear)

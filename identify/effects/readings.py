@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from models import Scan
+from models import InputError, Scan
 
 _MOST_PER_PRESS = 50  # ids for each press of the scan
 
@@ -262,7 +262,13 @@ class Readings:
         return np.maximum(self.timed_s - self.touch_time_s[self.press], 0.0)
 
     def lacks(self, needs: Iterable[str]) -> str | None:
-        """Return the unfulfilled needs in words, or None."""
+        """Return the unfulfilled needs in words, or None.
+
+        Raises
+        ------
+        InputError
+            An effect's needs are none of those that a scan can be asked about.
+        """
         loaded = self.phase == "load"
         have = {
             "time": self.time_s is not None,
@@ -281,6 +287,12 @@ class Readings:
             "several forces": "all readings were made at nearly one force",
             "several presses": f"the scan has only {self.presses} presses, 8 are needed",
         }
+        if unknown := [need for need in needs if need not in have]:
+            known = ", ".join(f'"{need}"' for need in have)
+            raise InputError(
+                f"needs: found '{unknown[0]}', expected a tuple of {known}; of one, such as "
+                '("time",), with a comma'
+            )
         missing = [says[need] for need in needs if not have[need]]
         return "; ".join(missing) if missing else None
 

@@ -63,6 +63,18 @@ def test_a_file_that_is_no_effect_is_refused_with_the_reason(source, says, tmp_p
 
 
 @pytest.mark.parametrize(
+    ("needs", "found"), [('("time")', "t"), ('("many presses",)', "many presses")]
+)
+def test_needs_that_there_are_not_are_said_with_those_that_there_are(needs, found, tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(f"{HEAD}class Own(Breathing):\n    name = 'own'\n    needs = {needs}\n")
+    says = next(
+        r.says for r in check_effect(load_effect(path)) if r.check == "says what a scan lacks"
+    )
+    assert f'needs: found \'{found}\', expected a tuple of "time", "unloading"' in says
+
+
+@pytest.mark.parametrize(
     ("name", "says"), [("own.txt", "expected a Python file"), ("o.py", "no such")]
 )
 def test_a_wrong_path_is_said(name, says, tmp_path):

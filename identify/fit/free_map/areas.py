@@ -58,7 +58,9 @@ def find_areas(
     tip_m: np.ndarray,
     settings: SpotSettings = SPOTS,
 ) -> tuple[Area, ...]:
-    """Return the areas that differ for sure, all presses counted; first what differs most in all.
+    """Return the areas that differ for sure, all presses counted.
+
+    Those within the scan come before those at its rim; what differs most in all is first.
 
     Parameters
     ----------
@@ -107,7 +109,9 @@ def find_areas(
             x, y, z = points[inside].mean(axis=0).tolist()
             at_rim = bool(np.isin(inside, rim).any())
             areas.append(Area(x, y, z, length, width, len(inside), contrast, lower, upper, at_rim))
-    return tuple(sorted(areas, key=lambda area: -area.presses * abs(np.log(area.contrast))))
+    # At the rim also the surroundings of lumps
+    areas.sort(key=lambda area: (area.at_rim, -area.presses * abs(np.log(area.contrast))))
+    return tuple(areas)
 
 
 def _outermost(points: np.ndarray) -> np.ndarray:

@@ -36,7 +36,8 @@ def test_a_band_is_an_area_with_its_place_size_and_contrast(by_field, grid):
     assert np.hypot(first.x_m - 0.03, first.y_m - 0.026) < 0.003
     assert first.length_m == pytest.approx(0.044, abs=0.006)
     assert first.width_m < 0.02
-    assert not first.at_rim
+    assert [a.at_rim for a in found] == [False, *[True] * (len(found) - 1)]  # its surroundings
+    assert len(found) > 1
     inside = np.abs(presses().points_m[:, 1] - 0.026) < 0.005
     assert first.presses == inside.sum()
     felt = -by_field @ band

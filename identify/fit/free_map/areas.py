@@ -3,9 +3,10 @@
 Balls have a test of their own (`identify.fit.free_map.spots`); a band is none, and a prior that
 bends steeply draws it without any. What a press feels is its apparent modulus on the map, that of
 an even body of its compliance. Presses of one tip feel the same depths, so that layers do not
-count. Draws of the posterior give its standard deviation against the middle half of the presses
-of the tip, and the largest that all presses together have by chance. An area holds a press beyond
-that, and the neighbours that differ by more than 1.96 of their own and half as much as the most.
+count. Draws of the posterior give its standard deviation against the half of the presses of the
+tip that are most alike, and the largest that all presses together have by chance. An area holds a
+press beyond that, and the neighbours that differ by more than 1.96 of their own and half as much
+as the most.
 """
 
 from __future__ import annotations
@@ -77,9 +78,8 @@ def find_areas(
     felt = np.vstack([log_felt[told], -changes @ data.by_field[told].T])
     for radius in np.unique(tip_m):
         of_tip = np.flatnonzero(tip_m == radius)
-        low, high = np.quantile(felt[0, of_tip], (0.25, 0.75))
-        middle = of_tip[(felt[0, of_tip] >= low) & (felt[0, of_tip] <= high)]
-        felt[:, of_tip] -= felt[:, middle].mean(axis=1, keepdims=True)
+        alike = of_tip[_densest_half(felt[0, of_tip])]
+        felt[:, of_tip] -= felt[:, alike].mean(axis=1, keepdims=True)
     unit = felt[1:].std(axis=0)
     unit[unit < 1e-12] = np.inf  # the only press of its tip
     sure = np.quantile(np.abs(felt[1:] / unit).max(axis=1), settings.area_confidence)
@@ -112,6 +112,18 @@ def find_areas(
     # At the rim also the surroundings of lumps
     areas.sort(key=lambda area: (area.at_rim, -area.presses * abs(np.log(area.contrast))))
     return tuple(areas)
+
+
+def _densest_half(values: np.ndarray) -> np.ndarray:
+    """Return the numbers of the half of some values (n,) that lies closest together.
+
+    Around a lump these are the presses that do not feel it; the middle half are those that feel a
+    little of it.
+    """
+    order, count = np.argsort(values), len(values) // 2 + 1
+    ranges = values[order[count - 1 :]] - values[order[: len(values) - count + 1]]
+    first = int(np.argmin(ranges))
+    return order[first : first + count]
 
 
 def _outermost(points: np.ndarray) -> np.ndarray:

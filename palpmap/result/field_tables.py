@@ -115,12 +115,12 @@ def _spot_table(
 
 def _area_table(areas: Sequence[Area], explained: bool, origin_m: np.ndarray) -> Table:
     """Return the areas whose presses feel a harder or softer body than the others."""
-    head = ("Area", *map(number, ("x, y in mm", "Size, mm", "Presses", "Felt, times (95 %)")))
+    head = ("From above", *map(number, ("x, y in mm", "Size, mm", "Presses", "Felt, times (95 %)")))
     x, y, _ = origin_m
     rows: list[tuple[Cell | str, ...]] = [
         (
             Cell(
-                ("hard" if a.contrast > 1 else "soft") + ", at the rim" * a.at_rim,
+                f"{'hard' if a.contrast > 1 else 'soft'} area" + " (rim)" * a.at_rim,
                 "good" if explained and not a.at_rim else "dim",
             ),
             f"{1e3 * (a.x_m + x):.1f}, {1e3 * (a.y_m + y):.1f}",

@@ -134,3 +134,36 @@ def test_two_small_balls_and_the_touch_are_found_in_a_scan_as_a_stranger_has_it(
     assert len(found) == 2
     away = np.linalg.norm(raw[:, None] - found, axis=2)
     assert away.min(axis=1).max() < 4e-3
+
+
+@pytest.mark.slow
+def test_a_stiff_band_is_the_first_area_of_a_scan_as_a_stranger_has_it(tmp_path):
+    """No ball is there; its place and size are those of the stiffest presses around it."""
+    source = REAL / "arma_straight_2mm" / "scan.csv"
+    if not source.is_file():
+        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    known = Facts(tip="sphere", poisson_ratio=0.49, thickness_m=0.03, thickness_assumed=True)
+    study, _ = new_study(source, tmp_path / "band", known)
+    with study.open("a", encoding="utf-8") as file:
+        file.write('\n[[effects]]\nname = "contact_offset"\n')
+    fit = api.fit(read_study(study))
+    assert fit.success
+    assert fit.field is not None
+    assert fit.field.left_out_error < 0.08
+    band = fit.field.areas[0]
+    scan = read_scan(source)
+    firm, place = [], []
+    for press in np.unique(scan.press):
+        rows = scan.press == press
+        firm.append(np.polyfit(scan.displacement_m[rows], scan.force_n[rows], 1)[0])
+        place.append(scan.point_m[rows][0, :2])
+    firm, place = np.array(firm), np.array(place)
+    inner = np.all(np.abs(place - place.mean(axis=0)) < (0.035, 0.015), axis=1)
+    stiff = place[inner][firm[inner] > np.quantile(firm[inner], 0.8)]
+    origin_m = read_study(study).opened().origin_m
+    centre = np.array([band.x_m, band.y_m]) + origin_m[:2]
+    assert np.linalg.norm(centre - np.median(stiff, axis=0)) < 3e-3
+    assert not band.at_rim
+    assert band.lower95 > 1.1
+    assert band.length_m == pytest.approx(np.sqrt(12) * stiff[:, 0].std(), rel=0.25)
+    assert band.width_m < 0.3 * band.length_m

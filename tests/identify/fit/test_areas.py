@@ -47,6 +47,7 @@ def test_a_band_is_an_area_with_its_place_size_and_contrast(by_field, grid):
     assert soft.contrast < 1
 
 
+@pytest.mark.slow
 def test_even_bodies_and_layered_ones_seldom_have_an_area(by_field, grid):
     """60 of them, one in twenty by chance."""
     false = 0

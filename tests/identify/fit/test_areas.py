@@ -1,10 +1,13 @@
 """Areas of a free map, in readings that are linear in the field."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from identify.fit.free_map.areas import Area, find_areas
 from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.settings import SPOTS
 from tests.identify.fit.test_spots import (
     NOISE,
     by_field,
@@ -45,6 +48,18 @@ def test_a_band_is_an_area_with_its_place_size_and_contrast(by_field, grid):
     assert np.log(first.upper95) > felt[inside].mean() - felt[~inside].mean()
     soft = areas(by_field, posterior(by_field, grid, noisy(by_field, -band, 1)))[0]
     assert soft.contrast < 1
+
+
+def test_an_area_differs_by_more_than_all_presses_do_by_chance(by_field, grid):
+    found = posterior(by_field, grid, noisy(by_field, np.zeros(len(grid)), 4))
+    sd = (found.draws(np.random.default_rng(0), 400) @ by_field.T).std(axis=0)
+    felt, raised = np.zeros(36), [14, 15, 20, 21]
+    for size, number in ((2.7, 0), (6.0, 1)):  # of one press, and of all 36, by their draws
+        felt[raised] = size * np.median(sd)
+        assert len(find_areas(found, felt, presses().points_m, TIP_M)) == number
+    felt[raised] = 2.7 * np.median(sd)
+    careless = replace(SPOTS, area_confidence=0.0)
+    assert find_areas(found, felt, presses().points_m, TIP_M, careless)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Free maps of bodies that no smooth prior draws: coverage of their bands, and odds of their spots.
+"""Free maps of bodies that no smooth prior draws: coverage of bands, odds of spots, areas.
 
     python benchmarks/free_maps.py [--seeds 0 8] [--kinds ball layer] [--smoothness 1.5]
         [--out free_maps.jsonl]

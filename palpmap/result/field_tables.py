@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from identify.effects import Readings, percent
-from identify.fit import SPOTS, Area, Field, FitResult, RegionEstimate, Spot
+from identify.fit import SPOTS, Area, Field, FitResult, RegionEstimate, Spot, beyond_presses
 from models import Scan
 from palpmap import units
 from palpmap.result.tables import Cell, Table, number
@@ -14,7 +13,7 @@ from palpmap.result.tables import Cell, Table, number
 _LISTED_AREAS = 6  # of dozens in a dense scan; fit.json has them all
 _SMOOTHNESS = {
     0.5: "0.5, which bends at steep walls",
-    1.5: "1.5, for gradual changes, as given",
+    1.5: "1.5, for gradual changes",
 }
 
 
@@ -65,8 +64,10 @@ def _rim(
     Seen along two directions (2, 3). On a measured phantom, whose sides nobody has stated, three of
     seven sure spots stood there.
     """
-    axes = (across / np.linalg.norm(across, axis=1, keepdims=True)).T
-    cut = [s for s in spots if s.probability >= SPOTS.probable and not _inside(s, pressed_m, axes)]
+    sure = [s for s in spots if s.probability >= SPOTS.probable]
+    centres = np.array([(s.x_m, s.y_m, s.z_m) for s in sure]).reshape(-1, 3)
+    beyond = beyond_presses(centres, pressed_m, across)
+    cut = [s for s, d in zip(sure, beyond, strict=True) if d + s.diameter_m / 2 > 0]
     if not cut:
         return ()
     x, y, _ = origin_m
@@ -76,17 +77,6 @@ def _rim(
         f"{places}: felt from one side alone, where a side of the body that lies elsewhere than "
         "stated or assumed is felt, too; press beyond it, or state the sides",
     )
-
-
-def _inside(spot: Spot, pressed_m: np.ndarray, axes: np.ndarray) -> bool:
-    """Return True for a spot all of which lies within the hull of presses, along axes (3, 2)."""
-    try:
-        hull = ConvexHull(pressed_m @ axes)
-    except QhullError:  # in one line, or fewer than three
-        return False
-    centre = np.array([spot.x_m, spot.y_m, spot.z_m]) @ axes
-    beyond = (hull.equations[:, :2] @ centre + hull.equations[:, 2]).max()
-    return bool(beyond + spot.diameter_m / 2 <= 0)
 
 
 def _spot_table(

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import cdist
 
 from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.outline import beyond_presses
 from identify.fit.free_map.settings import SPOTS, SpotSettings
 
 _OWN = 1.96  # standard deviations by which the presses of an area differ
@@ -57,6 +57,7 @@ def find_areas(
     log_felt: np.ndarray,
     points_m: np.ndarray,
     tip_m: np.ndarray,
+    across: np.ndarray,
     settings: SpotSettings = SPOTS,
 ) -> tuple[Area, ...]:
     """Return the areas that differ for sure, all presses counted.
@@ -68,6 +69,7 @@ def find_areas(
     log_felt : (j,) logarithm of the modulus that each press feels on the map
     points_m : (j, 3) where each touches
     tip_m : (j,) radius of each tip
+    across : (2, 3) directions along the surface
     """
     data = posterior.data
     told = np.flatnonzero(data.sums.normal[:, 0, 0] > 0)
@@ -88,16 +90,13 @@ def find_areas(
     spacing_m = float(np.median(others.min(axis=1)))
     if not np.isfinite(spacing_m):  # presses of one place
         return ()
-    rim = _outermost(points)
+    at_rim = beyond_presses(points, points, across) > -spacing_m / 2
     areas = []
     for sign in (1, -1):
         beyond = sign * felt[0] / unit
-        for inside in _clusters(beyond > _OWN, apart < settings.area_reach * spacing_m):
-            if beyond[inside].max() < sure:
-                continue
-            most = np.abs(felt[0, inside]).max()
-            inside = inside[np.abs(felt[0, inside]) > settings.area_edge * most]
-            if len(inside) < settings.area_presses:
+        size = np.where(beyond > _OWN, sign * felt[0], 0.0)
+        for inside in _lumps(size, apart < settings.area_reach * spacing_m, settings.area_edge):
+            if len(inside) < settings.area_presses or beyond[inside].max() < sure:
                 continue
             rest = np.delete(felt, inside, axis=1).mean(axis=1)
             contrast, *changed = (felt[:, inside].mean(axis=1) - rest).tolist()
@@ -107,8 +106,8 @@ def find_areas(
             moments = np.linalg.eigvalsh(away.T @ away / len(inside))[1:] + spacing_m**2 / 12
             width, length = np.sqrt(12 * moments).tolist()
             x, y, z = points[inside].mean(axis=0).tolist()
-            at_rim = bool(np.isin(inside, rim).any())
-            areas.append(Area(x, y, z, length, width, len(inside), contrast, lower, upper, at_rim))
+            rim = bool(at_rim[inside].any())
+            areas.append(Area(x, y, z, length, width, len(inside), contrast, lower, upper, rim))
     # At the rim also the surroundings of lumps
     areas.sort(key=lambda area: (area.at_rim, -area.presses * abs(np.log(area.contrast))))
     return tuple(areas)
@@ -126,19 +125,21 @@ def _densest_half(values: np.ndarray) -> np.ndarray:
     return order[first : first + count]
 
 
-def _outermost(points: np.ndarray) -> np.ndarray:
-    """Return the numbers of the points (j, 3) on their outline, seen along their least extent."""
-    away = points - points.mean(axis=0)
-    axes = np.linalg.svd(away, full_matrices=False)[2][:2]
-    try:
-        return ConvexHull(away @ axes.T).vertices
-    except QhullError:  # in one line
-        return np.arange(len(points))
+def _lumps(size: np.ndarray, near: np.ndarray, edge: float) -> Iterator[np.ndarray]:
+    """Yield the numbers of the presses around each peak of sizes (j,), of neighbours (j, j) bool.
 
-
-def _clusters(some: np.ndarray, near: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield the numbers of those among some presses (j,) bool that are neighbours (j, j) bool."""
-    numbers = np.flatnonzero(some)
-    _, labels = connected_components(csr_array(near[np.ix_(numbers, numbers)]), directed=False)
-    for label in np.unique(labels):
-        yield numbers[labels == label]
+    Connected, and larger than the peak's share `edge`; the slope of another peak is none.
+    """
+    left = size > 0
+    while left.any():
+        peak = int(np.argmax(np.where(left, size, 0.0)))
+        left[peak] = False
+        if size[near[peak]].max() > size[peak]:
+            continue
+        large = left & (size > edge * size[peak])
+        large[peak] = True
+        numbers = np.flatnonzero(large)
+        _, labels = connected_components(csr_array(near[np.ix_(numbers, numbers)]), directed=False)
+        inside = numbers[labels == labels[numbers == peak]]
+        left[inside] = False
+        yield inside

@@ -231,7 +231,7 @@ def _finds(
         spots, slips = find_spots(search, posterior)
         if log_felt is not None:
             points_m, tip_m = model.mechanics.contacts.points_m, readings.radius_m[readings.first]
-            areas = find_areas(posterior, log_felt, points_m, tip_m)
+            areas = find_areas(posterior, log_felt, points_m, tip_m, readings.scales.across)
     return Finds(spots, slips, _ball_sight_m(search, model), areas)
 
 

@@ -184,15 +184,21 @@ def _readings(
     else:
         lines += [Line("\n# [point]"), Line("# columns =", "the contact points [x, y, z]"),
                   Line("# unit =", "their unit"), *_places(travel.table)]  # fmt: skip
-    radius = next((c for c in recording.channels if c.is_number and matches(c, "radius")
-                   and c.unit in ("", *LENGTH)), None)  # fmt: skip
-    if radius is not None:
-        unit, why = unit_of([radius], "length")
-        lines += [Line("\n[radius]"), Line(f'column = "{radius.name}"', "by its name"),
-                  Line(f'unit = "{unit}"', why)]  # fmt: skip
+    lines += _radius(recording)
     said = "".join(line.text for line in [*lines, *_time_lines(travel.table)])
     rest = [n for n in travel.table.columns if f'"{n}"' not in said and n != PART]
     return [*lines, Line(f"\n# Not used: {', '.join(rest)}")] if rest else lines
+
+
+def _radius(recording: Recording) -> list[Line]:
+    """Return the lines of the tips' radius, none where no column is one."""
+    radius = next((c for c in recording.channels if c.is_number and matches(c, "radius")
+                   and c.unit in ("", *LENGTH)), None)  # fmt: skip
+    if radius is None:
+        return []
+    unit, why = unit_of([radius], "length")
+    return [Line("\n[radius]"), Line(f'column = "{radius.name}"', "by its name"),
+            Line(f'unit = "{unit}"', why)]  # fmt: skip
 
 
 def _force_columns(force: tuple[Channel, ...]) -> Line:

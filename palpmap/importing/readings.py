@@ -44,21 +44,8 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     points = column(rig.point.columns, rig.point.unit, "length", "point.columns")
     points = rotated(rig, points, place=True)
     radius = _radii(rig, m, column)
-    order = np.arange(m)
-    if np.any(np.diff(press) < 0):
-        if time is not None and np.all(np.diff(time) > 0):
-            # Numbers of places, pressed in an order of their own
-            new = np.diff(press, prepend=press[0] - 1) != 0
-            made, press = press[new], np.cumsum(new) - 1
-            first = ", ".join(map(str, made[:5])) + " and so on" * (len(made) > 5)
-            said.append(
-                "The presses were numbered anew, from 0 in the order of time; the recording "
-                f"numbers them {first}."
-            )
-        else:
-            order = np.argsort(press, kind="stable")
-            said.append("The rows were sorted by press.")
-    press, travel, along = press[order], travel[order], along[order]
+    press, order = _in_order(press, time, said)
+    travel, along = travel[order], along[order]
     if rig.press.phase:
         phase = _phases(recording, rig, table, time)[order]
     else:
@@ -87,6 +74,31 @@ def scan_of_readings(recording: Recording, rig: Rig) -> tuple[Scan, list[str]]:
     _refuse_wrong_sign(used.press, used.force_n, rig.force.sign, "force")
     _refuse_wrong_sign(used.press, used.displacement_m, rig.travel.sign, "travel")
     return scan, said
+
+
+def _in_order(
+    press: np.ndarray, time: np.ndarray | None, said: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return numbers of presses (m,) that never fall, and the order (m,) of the rows for them.
+
+    What was done to them is added to `said`.
+    """
+    order = np.arange(len(press))
+    if not np.any(np.diff(press) < 0):
+        return press, order
+    if time is None or not np.all(np.diff(time) > 0):
+        order = np.argsort(press, kind="stable")
+        said.append("The rows were sorted by press.")
+        return press[order], order
+    # Numbers of places, pressed in an order of their own
+    new = np.diff(press, prepend=press[0] - 1) != 0
+    made = press[new]
+    first = ", ".join(map(str, made[:5])) + " and so on" * (len(made) > 5)
+    said.append(
+        "The presses were numbered anew, from 0 in the order of time; the recording numbers them "
+        f"{first}."
+    )
+    return np.cumsum(new) - 1, order
 
 
 def _radii(rig: Rig, m: int, column: Callable[..., np.ndarray]) -> np.ndarray:

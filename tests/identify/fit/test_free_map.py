@@ -146,6 +146,25 @@ def test_the_data_space_solution_is_that_of_the_model_space(linear, grid):
     assert drawn.std(axis=0) == pytest.approx(posterior.sd, rel=0.08)
 
 
+def test_further_layers_count_alike_in_bands_draws_and_predictions(linear, grid):
+    """They widen all of these as much as errors of the mean have them, and move no mean."""
+    *_, by_field, data = linear
+    prior = MaternField(grid, 0.02, 0.3, 1.0, 0.5, 0.01, 0.5, 0.5)
+    found = FieldPosterior(data, prior)
+    plain = FieldPosterior(data, replace(prior, untold_spread=0.0))
+    assert found.mean == pytest.approx(plain.mean, abs=1e-12)
+    assert (found.sd > plain.sd).all()
+    errors = found.draws(np.random.default_rng(2), 6000) - found.mean
+    assert errors.std(axis=0) == pytest.approx(found.sd, rel=0.06)  # 6 sigma of 6,000
+    # Other presses feel layers that these do not; most of all one that feels a single place
+    other = np.eye(len(grid))[:: len(grid) // 7][:7]
+    none = np.zeros((7, len(data.target)))
+    seen, before = (p.predicted_covariance(other, none) for p in (found, plain))
+    assert seen == pytest.approx(np.cov((errors @ other.T).T), rel=0.1, abs=0.05 * seen.max())
+    assert np.linalg.eigvalsh(seen - before).min() > -1e-12
+    assert np.trace(seen) > 1.02 * np.trace(before)
+
+
 @pytest.mark.parametrize("error", [0.0, 0.02])
 def test_the_evidence_against_a_direct_formula(linear, grid, error):
     _, at, here, _, by_field, data = linear

@@ -28,6 +28,14 @@ REAL = Path(os.environ.get("PALPMAP_REAL_DATA", ROOT.parent / "shared" / "data" 
 OFFSET_M = 8e-4
 
 
+def measured(name: str) -> Path:
+    """Scan of that name; the test is skipped where the measured data are not there."""
+    source = REAL / name / "scan.csv"
+    if not source.is_file():
+        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    return source
+
+
 @pytest.fixture(scope="module")
 def twin(tmp_path_factory) -> Study:
     """A ball of 5 mm, first touch 0.8 mm late, on a body 12 mm thicker than the study says."""
@@ -66,9 +74,7 @@ def test_ball_and_late_touch_of_a_twin_are_found_beside_a_wrong_body(twin):
 @pytest.mark.slow
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
 def test_the_measured_presses_name_their_contact_law(tip, tmp_path):
-    source = REAL / "arma_two_stiff" / "scan.csv"
-    if not source.is_file():
-        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    source = measured("arma_two_stiff")
     text = (ROOT / "examples" / "arma_two_stiff" / "study.toml").read_text()
     (tmp_path / "study.toml").write_text(text.replace('tip = "sphere"', f'tip = "{tip}"'))
     shutil.copy(source, tmp_path)
@@ -96,9 +102,7 @@ def test_the_measured_presses_name_their_contact_law(tip, tmp_path):
 def test_a_noisy_scan_of_a_curved_phantom_ends_with_its_contact_law_and_no_effect_of_the_body(
     tmp_path,
 ):
-    source = REAL / "arma_straight_2mm" / "scan.csv"
-    if not source.is_file():
-        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
+    source = measured("arma_straight_2mm")
     shutil.copy(ROOT / "examples" / "arma_straight" / "study.toml", tmp_path)
     shutil.copy(source, tmp_path)
     explained = api.explain(read_study(tmp_path / "study.toml"))
@@ -113,14 +117,15 @@ def test_a_noisy_scan_of_a_curved_phantom_ends_with_its_contact_law_and_no_effec
     )
 
 
+def a_strangers_study(name: str, folder: Path) -> Path:
+    """Study of a measured scan by what its source tells: no slab, no noise, no thickness."""
+    known = Facts(tip="sphere", poisson_ratio=0.49, thickness_m=0.03, thickness_assumed=True)
+    return new_study(measured(name), folder / name, known)[0]
+
+
 @pytest.mark.slow
 def test_two_small_balls_and_the_touch_are_found_in_a_scan_as_a_stranger_has_it(tmp_path):
-    source = REAL / "arma_small_balls" / "scan.csv"
-    if not source.is_file():
-        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
-    known = Facts(tip="sphere", poisson_ratio=0.49, thickness_m=0.03, thickness_assumed=True)
-    study, _ = new_study(source, tmp_path / "balls", known)
-    explained = api.explain(read_study(study))
+    explained = api.explain(read_study(a_strangers_study("arma_small_balls", tmp_path)))
     assert explained.verdict == "ambiguous"
     final = explained.final.fit
     assert final.success
@@ -139,11 +144,7 @@ def test_two_small_balls_and_the_touch_are_found_in_a_scan_as_a_stranger_has_it(
 @pytest.mark.slow
 def test_a_stiff_band_is_the_first_area_of_a_scan_as_a_stranger_has_it(tmp_path):
     """No ball is there; its place and size are those of the stiffest presses around it."""
-    source = REAL / "arma_straight_2mm" / "scan.csv"
-    if not source.is_file():
-        pytest.skip(f"the measured data are not there: {source} (set PALPMAP_REAL_DATA)")
-    known = Facts(tip="sphere", poisson_ratio=0.49, thickness_m=0.03, thickness_assumed=True)
-    study, _ = new_study(source, tmp_path / "band", known)
+    study = a_strangers_study("arma_straight_2mm", tmp_path)
     with study.open("a", encoding="utf-8") as file:
         file.write('\n[[effects]]\nname = "contact_offset"\n')
     fit = api.fit(read_study(study))
@@ -151,7 +152,7 @@ def test_a_stiff_band_is_the_first_area_of_a_scan_as_a_stranger_has_it(tmp_path)
     assert fit.field is not None
     assert fit.field.left_out_error < 0.08
     band = fit.field.areas[0]
-    scan = read_scan(source)
+    scan = read_scan(measured("arma_straight_2mm"))
     firm, place = [], []
     for press in np.unique(scan.press):
         rows = scan.press == press

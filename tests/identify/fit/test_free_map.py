@@ -148,7 +148,7 @@ def test_the_data_space_solution_is_that_of_the_model_space(linear, grid):
 
 def test_further_layers_count_alike_in_bands_draws_and_predictions(linear, grid):
     """They widen all of these as much as errors of the mean have them, and move no mean."""
-    *_, by_field, data = linear
+    data = linear[-1]
     prior = MaternField(grid, 0.02, 0.3, 1.0, 0.5, 0.01, 0.5, 0.5)
     found = FieldPosterior(data, prior)
     plain = FieldPosterior(data, replace(prior, untold_spread=0.0))

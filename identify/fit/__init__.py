@@ -5,7 +5,6 @@ from identify.fit.free_compliance_fit import FreeComplianceFit
 from identify.fit.free_map.areas import Area
 from identify.fit.free_map.field import Field, RegionEstimate
 from identify.fit.free_map.field_evidence import Hyper
-from identify.fit.free_map.outline import beyond_presses
 from identify.fit.free_map.settings import SPOTS
 from identify.fit.free_map.spots import Spot
 from identify.fit.free_map_fit import FreeMapIteration
@@ -37,7 +36,6 @@ __all__ = [
     "RegionEstimate",
     "SampledParameter",
     "Spot",
-    "beyond_presses",
     "draw_posterior",
     "fit_jointly",
     "fit_map",

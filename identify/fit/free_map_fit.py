@@ -261,10 +261,18 @@ class FreeMapFit:
             posterior, point.field, self.hyper, self.level, model, at, self.settings.absorbed,
             success, readings.error, readings.doubt > 0, self.lengths_m,
         )  # fmt: skip
+        history = tuple(_told(step, field) for step in self.history)
         return fit_result(
             model, point.u, at, replace(PRECISE, curved_intervals=False), success=success,
-            message=message, nfev=self.spent, history=tuple(self.history), field=field,
+            message=message, nfev=self.spent, history=history, field=field,
         )  # fmt: skip
+
+
+def _told(step: FitIteration, field: Field) -> FitIteration:
+    """Return a step with the mean that the record has, that of the part in sight at the end."""
+    assert isinstance(step, FreeMapIteration)
+    mean = float(np.exp(step.stiffness.log_pa[field.inside].mean()))
+    return replace(step, parameters={LEVEL: mean})
 
 
 def refit_free_map(

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identify.effects import Readings, percent
-from identify.fit import SPOTS, Area, Field, FitResult, RegionEstimate, Spot, beyond_presses
+from identify.effects import percent
+from identify.fit import SPOTS, Area, Field, FitResult, RegionEstimate, Spot
 from models import Scan
 from palpmap import units
 from palpmap.result.tables import Cell, Table, number
@@ -33,9 +33,7 @@ def field_tables(fit: FitResult, origin_m: np.ndarray, scan: Scan) -> tuple[Tabl
         f"they trust noise and contact law, which leave {fit.chi2_per_dof:.2g} times the misfit of "
         "noise: believe no spot that the presses' own stiffness does not show",
     )  # fmt: skip
-    readings = Readings.of(scan)
-    pressed_m = readings.point_m[readings.first] - origin_m
-    rim = _rim(field.spots, pressed_m, readings.scales.across, origin_m)
+    rim = _rim(field.spots, origin_m)
     return (
         *regions,
         spots,
@@ -56,18 +54,9 @@ def _open(spots: Sequence[Spot], radius_m: np.ndarray) -> tuple[str, ...]:
     )
 
 
-def _rim(
-    spots: Sequence[Spot], pressed_m: np.ndarray, across: np.ndarray, origin_m: np.ndarray
-) -> tuple[str, ...]:
-    """Return the row of the spots that presses at (j, 3) m do not reach around, if there are any.
-
-    Seen along two directions (2, 3). On a measured phantom, whose sides nobody has stated, three of
-    seven sure spots stood there.
-    """
-    sure = [s for s in spots if s.probability >= SPOTS.probable]
-    centres = np.array([(s.x_m, s.y_m, s.z_m) for s in sure]).reshape(-1, 3)
-    beyond = beyond_presses(centres, pressed_m, across)
-    cut = [s for s, d in zip(sure, beyond, strict=True) if d + s.diameter_m / 2 > 0]
+def _rim(spots: Sequence[Spot], origin_m: np.ndarray) -> tuple[str, ...]:
+    """Return the row of the sure spots that the presses do not reach around, if there are any."""
+    cut = [s for s in spots if s.probability >= SPOTS.probable and s.at_rim]
     if not cut:
         return ()
     x, y, _ = origin_m

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from identify.fit.free_map.areas import Area, find_areas
 from identify.fit.free_map.ball_search import BallSearch, share_inside
 from identify.fit.free_map.field_evidence import Hyper
 from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.outline import beyond_presses
 from identify.fit.free_map.settings import SPOTS
 from identify.fit.free_map.spots import Spot, find_spots
 from identify.map import LabelledGrid
@@ -124,8 +125,7 @@ class Field:
         least : variance over the noise's from which on a direction counts as absorbed
         converged : spots of another field are none
         """
-        seen = posterior.share >= SPOTS.seen
-        inside = seen if seen.any() else np.ones_like(seen)
+        inside = _in_sight(posterior.share)
         sd, _ = _mean_told(posterior, inside)
         directions, gain = posterior.modes
         even = model.unit_compliance
@@ -183,6 +183,11 @@ class Field:
         return self.slips >= SPOTS.probable
 
     @property
+    def inside(self) -> np.ndarray:
+        """Part of the grid in sight, (g,) bool, or all of it where nothing is."""
+        return _in_sight(self.share)
+
+    @property
     def ordinary_error(self) -> float:
         """Relative error of the map in an ordinary press: the median of all presses."""
         return float(np.median(np.abs(self.press_error)))
@@ -227,12 +232,23 @@ def _finds(
 ) -> Finds:
     search, readings = BallSearch(posterior, hyper, longest_m), model.readings
     spots, slips, areas = (), np.zeros(readings.presses), ()
+    pressed_m, across = model.mechanics.contacts.points_m, readings.scales.across
     if converged:
         spots, slips = find_spots(search, posterior)
+        centres = np.array([(s.x_m, s.y_m, s.z_m) for s in spots]).reshape(-1, 3)
+        beyond = beyond_presses(centres, pressed_m, across).tolist()
+        spots = tuple(
+            replace(s, at_rim=d + s.diameter_m / 2 > 0) for s, d in zip(spots, beyond, strict=True)
+        )
         if log_felt is not None:
-            points_m, tip_m = model.mechanics.contacts.points_m, readings.radius_m[readings.first]
-            areas = find_areas(posterior, log_felt, points_m, tip_m, readings.scales.across)
+            tip_m = readings.radius_m[readings.first]
+            areas = find_areas(posterior, log_felt, pressed_m, tip_m, across)
     return Finds(spots, slips, _ball_sight_m(search, model), areas)
+
+
+def _in_sight(share: np.ndarray) -> np.ndarray:
+    seen = share >= SPOTS.seen
+    return seen if seen.any() else np.ones_like(seen)
 
 
 def _mean_told(posterior: FieldPosterior, inside: np.ndarray) -> tuple[float, float]:

@@ -41,6 +41,8 @@ class Spot:
         None in files that were written before there was one
     wide : it may be wider than any ball that was tried; only x and y are told. A lump without an
         edge was offered 14 mm too deep, as the largest ball
+    at_rim : the presses do not reach around it. On a measured phantom, whose sides nobody has
+        stated, three of seven sure spots stood there
     """
 
     x_m: float
@@ -57,6 +59,7 @@ class Spot:
     diameter_lower95_m: float | None = None
     diameter_upper95_m: float | None = None
     wide: bool = False
+    at_rim: bool = False
 
     @property
     def found(self) -> bool:

@@ -7,6 +7,7 @@ import pytest
 
 from identify.fit.free_map.areas import Area, find_areas
 from identify.fit.free_map.field_posterior import FieldPosterior
+from identify.fit.free_map.outline import beyond_presses
 from identify.fit.free_map.settings import SPOTS
 from tests.identify.fit.test_spots import (
     NOISE,
@@ -98,3 +99,8 @@ def test_single_presses_are_no_area_and_those_of_each_tip_are_compared_with_thei
     assert find_areas(found, felt, points, np.where(wide, 0.006, 0.003), ACROSS) == ()
     assert find_areas(found, felt, points, TIP_M, ACROSS)
     assert find_areas(found, felt, np.tile(points[:1], (len(points), 1)), TIP_M, ACROSS) == ()
+
+
+def test_what_presses_in_one_line_do_not_reach_around_is_beyond_them():
+    line = np.outer(np.arange(5.0), [1.0, 0.0, 0.0])
+    assert beyond_presses(line, line, ACROSS).tolist() == [np.inf] * 5

@@ -310,6 +310,8 @@ def test_a_fit_recovers_a_field_where_it_sees_and_says_where_it_does_not(body, g
     # Table and draws are of the map that is shown
     seen = fit.field.share >= SPOTS.seen
     assert fit.field.log_mean == pytest.approx(fit.map.log_pa[seen].mean(), abs=1e-12)
+    shown = fit.history[-1].parameters["mean_pa"]  # in the recording, beside the table's
+    assert shown == pytest.approx(np.exp(fit.field.log_mean), rel=1e-9)
     drawn = fit.field.draws(np.random.default_rng(1), 1500)
     assert np.abs(drawn.mean(axis=0) / fit.field.log_sd).max() < 0.15  # 5 sigma
     assert drawn.std(axis=0) == pytest.approx(fit.field.log_sd, rel=0.1)

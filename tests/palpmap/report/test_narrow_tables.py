@@ -120,23 +120,17 @@ def _texts(head) -> list[str]:
     return [getattr(column, "heading", column) for column in head]
 
 
-def test_spots_that_the_presses_do_not_reach_around_are_named_in_the_scan_s_frame():
-    x, y = np.meshgrid(np.linspace(0, 0.04, 5), np.linspace(0, 0.03, 4))
-    pressed = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
-    across, origin = np.array([[25.0, 0, 0], [0, 25.0, 0]]), np.array([0.1, 0, 0])
+def test_sure_spots_that_the_presses_do_not_reach_around_are_named_in_the_scan_s_frame():
+    def spot(x_m, at_rim, probability=0.99) -> Any:
+        return SimpleNamespace(x_m=x_m, y_m=0.01, probability=probability, at_rim=at_rim)
 
-    def spot(x_m, y_m, probability=0.99, diameter_m=0.01) -> Any:
-        return SimpleNamespace(
-            x_m=x_m, y_m=y_m, z_m=-0.004, diameter_m=diameter_m, probability=probability
-        )
-
-    inside, cut, unsure = spot(0.02, 0.015), spot(0.004, 0.01), spot(0.05, 0.01, 0.6)
-    name, says = _rim([inside, cut, unsure], pressed, across, origin)
+    inside, cut, unsure = spot(0.02, False), spot(0.004, True), spot(0.05, True, 0.6)
+    name, says = _rim([inside, cut, unsure], np.array([0.1, 0, 0]))
     assert name == "at the rim"
     assert "(104.0, 10.0) mm" in says
-    assert "124" not in says
-    assert _rim([inside, unsure], pressed, across, origin) == ()
-    assert _rim([inside], pressed[:5], across, origin)  # presses in one line reach around nothing
+    assert "120" not in says
+    assert "150" not in says
+    assert _rim([inside, unsure], np.zeros(3)) == ()
 
 
 def test_limits_count_what_is_seen_and_leave_a_shift_beyond_the_body_open():

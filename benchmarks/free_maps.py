@@ -14,7 +14,7 @@ found if its probability is `SpotSettings.probable`; it is the ball's if its cen
 7 mm. The area under the curve (AUC) compares the probability of the ball's own spot with that of
 any spot in the bodies of nothing, for balls above and below the depth of sight of such a ball that
 their scan prints. A spot is false if it is found where no ball is, in bodies with a ball, a layer
-or nothing.
+or nothing; an area, in bodies with a layer or nothing.
 """
 
 import argparse

@@ -21,7 +21,7 @@ import numpy as np
 
 from fem import SolverError
 from identify.body.response import BodyResponse
-from identify.fit.free_map.field import LEVEL, Field
+from identify.fit.free_map.field import LEVEL, Field, in_sight
 from identify.fit.free_map.field_data import FieldData
 from identify.fit.free_map.field_evidence import Hyper, best_hyper
 from identify.fit.free_map.field_posterior import DrawnField, FieldPosterior
@@ -236,7 +236,8 @@ class FreeMapFit:
         """Keep a step of the search."""
         stiffness, at = point.model.space.start, point.model.around(point.body, point.u)
         assert isinstance(stiffness, FreeMap)
-        mean = {LEVEL: float(np.exp(stiffness.log_pa.mean()))}
+        # As the record has it: a recording is made of these steps
+        mean = {LEVEL: float(np.exp(stiffness.log_pa[in_sight(posterior.share)].mean()))}
         counted = np.count_nonzero(self.weight[point.model.readings.press])
         chi2, dof = posterior.chi2, max(int(counted) - len(point.u), 1)
         step = FreeMapIteration(number, mean, chi2, chi2 / dof, at.rms_m, stiffness)
@@ -261,18 +262,10 @@ class FreeMapFit:
             posterior, point.field, self.hyper, self.level, model, at, self.settings.absorbed,
             success, readings.error, readings.doubt > 0, self.lengths_m,
         )  # fmt: skip
-        history = tuple(_told(step, field) for step in self.history)
         return fit_result(
             model, point.u, at, replace(PRECISE, curved_intervals=False), success=success,
-            message=message, nfev=self.spent, history=history, field=field,
+            message=message, nfev=self.spent, history=tuple(self.history), field=field,
         )  # fmt: skip
-
-
-def _told(step: FitIteration, field: Field) -> FitIteration:
-    """Return a step with the mean that the record has, that of the part in sight at the end."""
-    assert isinstance(step, FreeMapIteration)
-    mean = float(np.exp(step.stiffness.log_pa[field.inside].mean()))
-    return replace(step, parameters={LEVEL: mean})
 
 
 def refit_free_map(

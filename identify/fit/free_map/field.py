@@ -125,7 +125,7 @@ class Field:
         least : variance over the noise's from which on a direction counts as absorbed
         converged : spots of another field are none
         """
-        inside = _in_sight(posterior.share)
+        inside = in_sight(posterior.share)
         sd, _ = _mean_told(posterior, inside)
         directions, gain = posterior.modes
         even = model.unit_compliance
@@ -181,11 +181,6 @@ class Field:
     def slipped(self) -> np.ndarray:
         """Presses that are offered as slipped, (j,) bool."""
         return self.slips >= SPOTS.probable
-
-    @property
-    def inside(self) -> np.ndarray:
-        """Part of the grid in sight, (g,) bool, or all of it where nothing is."""
-        return _in_sight(self.share)
 
     @property
     def ordinary_error(self) -> float:
@@ -246,7 +241,8 @@ def _finds(
     return Finds(spots, slips, _ball_sight_m(search, model), areas)
 
 
-def _in_sight(share: np.ndarray) -> np.ndarray:
+def in_sight(share: np.ndarray) -> np.ndarray:
+    """Part of the grid in sight (g,) bool by the share seen (g,), or all of it where nothing is."""
     seen = share >= SPOTS.seen
     return seen if seen.any() else np.ones_like(seen)
 

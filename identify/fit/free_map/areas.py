@@ -100,6 +100,8 @@ def find_areas(
                 continue
             rest = np.delete(felt, inside, axis=1).mean(axis=1)
             contrast, *changed = (felt[:, inside].mean(axis=1) - rest).tolist()
+            if abs(contrast) < settings.area_least:
+                continue
             log = contrast + 1.96 * float(np.std(changed)) * np.array([0, -1, 1])
             contrast, lower, upper = np.exp(log).tolist()
             away = points[inside] - points[inside].mean(axis=0)

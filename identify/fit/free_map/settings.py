@@ -159,6 +159,8 @@ class SpotSettings:
     area_presses, area_place, area_reach : presses of an area, at least; distance of two places, in
         tip radii, at least; and of neighbours, in the distance of places
     area_edge : difference at the edge of an area, in that of its middle
+    area_least : change of ln E that an area is felt by, at least: beside the sides of a block a
+        layer is felt by 2 % otherwise than in the middle
     explained : chi-square per degree of freedom up to which these probabilities are trusted
     """
 
@@ -197,6 +199,7 @@ class SpotSettings:
     area_place: float = 0.2
     area_reach: float = 1.6
     area_edge: float = 0.5
+    area_least: float = 0.03
     explained: float = 2.0
 
 

@@ -50,16 +50,24 @@ def test_a_band_is_an_area_with_its_place_size_and_contrast(by_field, grid):
     assert soft.contrast < 1
 
 
-def test_an_area_differs_by_more_than_all_presses_do_by_chance(by_field, grid):
+def test_an_area_differs_by_more_than_all_presses_do_by_chance_and_than_a_layer_is_felt(
+    by_field, grid
+):
     found = posterior(by_field, grid, noisy(by_field, np.zeros(len(grid)), 4))
-    sd = (found.draws(np.random.default_rng(0), 400) @ by_field.T).std(axis=0)
-    felt, raised = np.zeros(36), [14, 15, 20, 21]
-    for size, number in ((2.7, 0), (6.0, 1)):  # of one press, and of all 36, by their draws
-        felt[raised] = size * np.median(sd)
-        assert len(find_areas(found, felt, presses().points_m, TIP_M, ACROSS)) == number
-    felt[raised] = 2.7 * np.median(sd)
-    careless = replace(SPOTS, area_confidence=0.0)
-    assert find_areas(found, felt, presses().points_m, TIP_M, ACROSS, careless)
+    sd = np.median((found.draws(np.random.default_rng(0), 400) @ by_field.T).std(axis=0))
+    any_size = replace(SPOTS, area_least=0.0)
+    careless = replace(any_size, area_confidence=0.0)
+
+    def number(size: float, settings) -> int:
+        felt = np.zeros(36)
+        felt[[14, 15, 20, 21]] = size
+        return len(find_areas(found, felt, presses().points_m, TIP_M, ACROSS, settings))
+
+    # In standard deviations of one press: all 36 together have more than 2.7 by chance
+    assert [number(2.7 * sd, s) for s in (careless, any_size)] == [1, 0]
+    assert number(6.0 * sd, any_size) == 1
+    assert 6.0 * sd < SPOTS.area_least
+    assert [number(size, SPOTS) for size in (6.0 * sd, 0.04)] == [0, 1]
 
 
 def test_areas_at_an_edge_of_the_scan_come_last_without_a_corner_in_them(by_field, grid):

@@ -295,7 +295,7 @@ class MapChange(Shown):
             place_m=(x, y, z),
             ratio=float(np.exp(d.log_ratio[at])),
             standard_errors=float(d.standard_errors[at]),
-            changes=tuple(ChangeRecord(**vars(change)) for change in d.changes),
+            changes=tuple(map(ChangeRecord.copy_of, d.changes)),
             notes=self.notes,
         )
 

@@ -21,6 +21,12 @@ class Record(BaseModel):
 
     model_config = ConfigDict(frozen=True, populate_by_name=True, allow_inf_nan=False)
 
+    @classmethod
+    def copy_of(cls, source: object, **others: Any) -> Self:
+        """Return a record of an object's attributes of the same names; `others` go before."""
+        same = {name: getattr(source, name) for name in cls.model_fields if name not in others}
+        return cls(**same, **others)
+
     def to_dict(self) -> dict[str, JsonValue]:
         """Return the content of the JSON file."""
         return self.model_dump(mode="json", by_alias=True)

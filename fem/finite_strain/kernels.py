@@ -172,6 +172,22 @@ def _add_pair(block, r, k, points, g, hg, sg, sw, first, swapped, direct):
 
 
 @numba.njit(inline="always")
+def _add_dilatation(mean, direct, swapped, hg, weights, growth, volume, pressure):
+    """Add what a cell's mean dilatation gives to the factors of its points; fill its mean F^-T g.
+
+    `volume` is that of the deformed cell, `pressure` the mean one times its volume.
+    """
+    mean[:] = 0.0
+    for q in range(len(growth)):
+        part = weights[q] * (1.0 + growth[q]) / volume
+        direct[q] += pressure * part
+        swapped[q] -= pressure * part
+        for a in range(3):
+            for i in range(mean.shape[1]):
+                mean[a, i] += part * hg[q, a, i]
+
+
+@numba.njit(inline="always")
 def _put_block(data, indptr, row, rank, block, trace):
     """Add a block (3, 3) and its isotropic part to three rows of the upper triangle."""
     for a in range(3):
@@ -223,14 +239,10 @@ def tangent(data, indptr, free, pairs, pair_node, pair_rank, u, cells, gradients
         if mean_dilatation:
             log_theta = math.log1p(dilated / volume)
             bulk = stiff * lam * (1.0 - log_theta)
-            mean[:] = 0.0
-            for q in range(points):
-                part = weights[e, q] * (1.0 + growth[q]) / (volume + dilated)
-                direct[q] += stiff * lam * log_theta * part
-                swapped[q] -= stiff * lam * log_theta * part
-                for a in range(3):
-                    for i in range(nodes):
-                        mean[a, i] += part * hg[q, a, i]
+            _add_dilatation(
+                mean, direct, swapped, hg, weights[e], growth, volume + dilated,
+                stiff * lam * log_theta,
+            )  # fmt: skip
         m = -1
         for i in range(nodes):
             for j in range(i, nodes):

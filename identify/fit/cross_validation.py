@@ -26,14 +26,13 @@ from identify.optimize.result import InadmissibleError
 class CrossValidation:
     """Root mean square error of prediction, m and in units of the noise.
 
-    `rms_m`, `ratio`: whole presses, each predicted from the others; `high_rms_m`, `high_ratio`:
-    the highest forces from the lower ones (None where all forces are high).
+    `rms_m`, `ratio`: whole presses, each predicted from the others; `high_rms_m`: the highest
+    forces from the lower ones (None where all forces are high).
     """
 
     rms_m: float
     ratio: float
     high_rms_m: float | None
-    high_ratio: float | None
 
 
 def cross_validate(
@@ -52,15 +51,15 @@ def cross_validate(
     force = fit.at.latent_force_n
     high = force > settings.high_force * force.max()
     if high.all() or not high.any():
-        return CrossValidation(rms, ratio, None, None)
+        return CrossValidation(rms, ratio, None)
     error[high] = predicted_error(fit, high, settings)
-    return CrossValidation(rms, ratio, *_rms(fit, error, high))
+    return CrossValidation(rms, ratio, _rms(fit, error, high)[0])
 
 
 def _of_free_map(fit: FitResult, field: Field) -> CrossValidation:
     """Predict each press by the map of the other four fifths, see `Field`; no high forces alone."""
     whole = left_out_residual_m(fit, field) / fit.at.sigma_m
-    return CrossValidation(*_rms(fit, whole, np.ones(len(whole), bool)), None, None)
+    return CrossValidation(*_rms(fit, whole, np.ones(len(whole), bool)), None)
 
 
 def left_out_residual_m(fit: FitResult, field: Field) -> np.ndarray:

@@ -13,6 +13,7 @@ from identify.optimize.result import InadmissibleError, OptimizeResult, free_dir
 
 _IDLE_STEPS = 2
 _FELT = 1e-6  # less damping than this hardly changes a step
+_HOPELESS = 1e16  # with more, a step is no step
 _NO_STEP = "no step lowers chi-square"
 _GIVEN_UP = "given up: the next step promises too little of what is missing"
 
@@ -73,7 +74,7 @@ def minimize_gauss_newton(
     x = np.clip(x0, lower, upper)
     r, jac = _at_start(residuals, x)
     fun, nfev, nit = 0.5 * float(r @ r), 1, 0
-    damping, growth, idle = 1e-3, 2.0, 0
+    damping, idle = _Damping(), 0
     diagonal = np.zeros_like(x)
     if callback:
         callback(x, fun)
@@ -94,7 +95,7 @@ def minimize_gauss_newton(
             return result(0, _GIVEN_UP)
         if nfev >= max_evaluations:
             return result(1, f"limit of {max_evaluations} evaluations reached")
-        step = _shortened(_solve(normal, gradient, diagonal, damping, free), max_step)
+        step = _shortened(_solve(normal, gradient, diagonal, damping.value, free), max_step)
         trial_x = np.clip(x + step, lower, upper)
         step = trial_x - x
         trial = _try(residuals, trial_x)
@@ -102,18 +103,34 @@ def minimize_gauss_newton(
         predicted = -float(gradient @ step) - 0.5 * float(step @ normal @ step)
         trial_fun = np.inf if trial is None else 0.5 * float(trial[0] @ trial[0])
         if trial is not None and trial_fun < fun:
-            gain = (fun - trial_fun) / predicted if predicted > 0 else 0.0
+            damping.lower((fun - trial_fun) / predicted if predicted > 0 else 0.0)
             idle = idle + 1 if fun - trial_fun <= max(slack, enough) else 0
             x, fun, (r, jac), nit = trial_x, trial_fun, trial, nit + 1
-            damping = max(damping * max(0.1, 1 - (2 * min(gain, 1.0) - 1) ** 3), 1e-12)
-            growth = 2.0
             if callback:
                 callback(x, fun)
         else:
-            damping, growth = max(damping, _FELT) * growth, growth * 2
-            if damping > 1e16:
+            damping.raise_()
+            if damping.value > _HOPELESS:
                 lost = expected > resolved
                 return result(2 * lost, _NO_STEP if lost else _would_lower(expected))
+
+
+class _Damping:
+    """Damping of the steps: less the better the last one was predicted, more after each failure."""
+
+    def __init__(self) -> None:
+        self.value = 1e-3
+        self._growth = 2.0
+
+    def lower(self, gain: float) -> None:
+        """After a step that lowered the value by `gain` times what was predicted."""
+        self.value = max(self.value * max(0.1, 1 - (2 * min(gain, 1.0) - 1) ** 3), 1e-12)
+        self._growth = 2.0
+
+    def raise_(self) -> None:
+        """After a step that failed."""
+        self.value = max(self.value, _FELT) * self._growth
+        self._growth *= 2
 
 
 def _shortened(step: np.ndarray, longest: float | np.ndarray) -> np.ndarray:

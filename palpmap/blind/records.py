@@ -123,11 +123,6 @@ class AtFirstRecord(Record):
     added: tuple[str, ...]
     ambiguous: Groups
 
-    @classmethod
-    def of(cls, result: AnswerRecord) -> "AtFirstRecord":
-        """Return the effects that an answer names."""
-        return cls(verdict=result.verdict, added=result.added, ambiguous=result.ambiguous)
-
 
 class TrialLine(Record):
     """A line of trials.jsonl: one trial of a tournament, judged or failed."""

@@ -276,7 +276,7 @@ def play(game: Game, explain: Explain | None = None, per_side: int | None = None
                 break
             presses = read_program(folder / asked[0])
             line = line.changed(
-                at_first=line.at_first or AtFirstRecord.of(result),
+                at_first=line.at_first or AtFirstRecord.copy_of(result),
                 further_presses=(line.further_presses or 0) + len(presses),
             )
             result = explain(press_further(folder, presses), folder, game.trial.seed)
@@ -286,7 +286,7 @@ def play(game: Game, explain: Explain | None = None, per_side: int | None = None
             map=map_errors(result, truth),
             made_s=made - started,
             explained_s=time.perf_counter() - made,
-            **dict(AtFirstRecord.of(result)),
+            **dict(AtFirstRecord.copy_of(result)),
             **dict(score_blind(result, truth.effects)),
         )
     except Exception as error:  # a trial that fails is counted, the others go on

@@ -117,14 +117,7 @@ def run_scan_command(
     with (
         RunFolder("scan", out, seed=seed, settings=settings, inputs=inputs) as run,
         output.task(scan_stages(count)) as task,
-        Recording(
-            run / "recording.rrd",
-            "virtual scan",
-            seed=seed,
-            planned_presses=count,
-            parts=SCAN_PARTS,
-            live=(viewer := _viewer(output) if live else None),
-        ) as recording,
+        _recording(run, seed, count, viewer := _viewer(output) if live else None) as recording,
     ):
         task.say("meshing and solving the body")
         laboratory, stated = planned_laboratory(
@@ -188,6 +181,18 @@ def _show(record: ScanRecord, run: RunFolder, plan: "ScanPlan", output: Output) 
         *([f"... see {escape(str(run / PRESSES))}"] if len(record.not_kept) > LISTED else []),
         *(tip_notes(plan) or (f"Next: {escape(to_type('fit', run / 'study.toml'))}",)),
         f"Recording: {escape(to_type('review', run.path))}",
+    )
+
+
+def _recording(run: RunFolder, seed: int, presses: int, viewer: str | None) -> Recording:
+    """Begin the recording of a scan, which a viewer at this address shows, too."""
+    return Recording(
+        run / "recording.rrd",
+        "virtual scan",
+        seed=seed,
+        planned_presses=presses,
+        parts=SCAN_PARTS,
+        live=viewer,
     )
 
 

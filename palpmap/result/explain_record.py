@@ -59,7 +59,7 @@ def explain_record(
             FormRecord(in_place_of=form.effect, effect=form.name, weight=form.weight)
             for form in assessment.forms
         ),
-        form_curves=tuple(FormCurveRecord(**vars(curve)) for curve in assessment.curves),
+        form_curves=tuple(map(FormCurveRecord.copy_of, assessment.curves)),
         residual=final.comparison.statement,
         suspect_presses=(apart.presses if apart else explained.ladder[0].comparison.bad_presses),
         presses_apart=dict(zip(apart.presses, apart.softer, strict=True)) if apart else {},
@@ -70,7 +70,7 @@ def explain_record(
         unseen_inclusions=assessment.unseen_inclusions,
         stated_lengths=assessment.confounders,
         finer_cells=finer_cells(problem.study.body, shown) if assessment.finer_mesh else None,
-        other_map=assessment.other_map and OtherMapRecord(**vars(assessment.other_map)),
+        other_map=assessment.other_map and OtherMapRecord.copy_of(assessment.other_map),
         next_presses=next_presses_records(
             assessment, problem.model.readings.presses, apart is not None
         ),
@@ -143,28 +143,15 @@ def limit_record(
     limit: Limit, better: BetterScanRecord | None = None, mixed: float | None = None
 ) -> LimitRecord:
     """Return a detection limit, with a scan that shows more and the share seen in a mixed one."""
-    return LimitRecord(
-        name=limit.name,
-        smallest_share=limit.smallest_share,
-        largest_share=limit.largest_share,
-        shape=limit.shape,
-        sizes=limit.sizes,
-        visible=limit.visible,
-        confused_with=limit.confused_with,
-        map_bias=limit.map_bias,
-        bias_at_share=DETECTION.bias_share,
-        untestable=limit.untestable,
-        better_scan=better,
-        in_mixed_scan=mixed,
+    return LimitRecord.copy_of(
+        limit, bias_at_share=DETECTION.bias_share, better_scan=better, in_mixed_scan=mixed
     )
 
 
 def without_record(without: WithoutSuspects) -> WithoutSuspectsRecord:
     """Return the result without the outlying presses."""
-    return WithoutSuspectsRecord(
-        verdict=without.verdict,
-        added=without.added,
-        ambiguous=without.ambiguous,
+    return WithoutSuspectsRecord.copy_of(
+        without,
         chi2_per_dof=without.fit.chi2_per_dof,
         parameters=without.fit.values,
         residual=without.comparison.statement,

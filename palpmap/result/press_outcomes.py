@@ -80,21 +80,9 @@ def press_record(
     >>> press_record(PressOutcome(3, "skipped", 0.3, reason="out of reach")).outcome
     'skipped'
     """
-    judged = outcome.judged
-    return PressRecord(
-        press=outcome.press,
-        outcome=outcome.outcome,
-        kept=outcome.kept,
-        set_force_n=outcome.set_force_n,
-        reason=outcome.reason,
-        faults=tuple(
-            FaultRecord(kind=f.kind, phase=f.phase, time_s=f.time_s, reason=f.reason)
-            for f in outcome.faults
-        ),
-        measured=judged
-        and MeasuredRecord(**{name: getattr(judged, name) for name in MeasuredRecord.model_fields}),
-        simulator=statistics
-        and SimulatorRecord(
-            **{name: getattr(statistics, name) for name in SimulatorRecord.model_fields}
-        ),
+    return PressRecord.copy_of(
+        outcome,
+        faults=tuple(map(FaultRecord.copy_of, outcome.faults)),
+        measured=outcome.judged and MeasuredRecord.copy_of(outcome.judged),
+        simulator=statistics and SimulatorRecord.copy_of(statistics),
     )

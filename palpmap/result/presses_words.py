@@ -50,13 +50,7 @@ def presses_record(
 
 
 def _record(fit: FreeComplianceFit, largest_n: float) -> PressesFitRecord:
-    return PressesFitRecord(
-        rms_n=fit.rms_n,
-        typical_n=fit.typical_n,
-        share_of_largest_force=fit.rms_n / largest_n,
-        chi2_per_dof=fit.chi2_per_dof,
-        noise_share=fit.noise_share,
-    )
+    return PressesFitRecord.copy_of(fit, share_of_largest_force=fit.rms_n / largest_n)
 
 
 def counted(problem: Problem) -> dict[str, int]:

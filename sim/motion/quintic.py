@@ -1,9 +1,5 @@
 """The quintic blend: from 0 to 1 with no speed and no acceleration at either end."""
 
-from __future__ import annotations
-
-import numpy as np
-
 from sim.robot.compiled import compiled
 
 PEAK_SPEED = 15 / 8
@@ -11,28 +7,6 @@ PEAK_SPEED = 15 / 8
 
 PEAK_ACCELERATION = 10 / 3**0.5
 """Largest acceleration of the blend, for a duration of 1 s."""
-
-
-def quintic(
-    start: np.ndarray, end: np.ndarray, s: float, duration_s: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity and acceleration on the way from `start` to `end`.
-
-    Parameters
-    ----------
-    start, end : (n,)
-    s : part of the duration that has passed, 0 to 1
-    duration_s : of the whole motion
-
-    Examples
-    --------
-    >>> where, speed, _ = quintic(np.zeros(1), np.ones(1), 0.5, 2.0)
-    >>> float(where[0]), float(speed[0]) == PEAK_SPEED / 2.0
-    (0.5, True)
-    """
-    change = end - start
-    position, velocity, acceleration = blend(s, duration_s)
-    return start + position * change, velocity * change, acceleration * change
 
 
 @compiled

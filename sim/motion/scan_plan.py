@@ -239,39 +239,3 @@ def _refuse_beside(points: np.ndarray, body: BodySurface, origin_m: np.ndarray) 
             f"{1e3 * off[j]:.3g} mm off the body's surface, expected at most "
             f"{1e3 * OFF_SURFACE_M:g} mm; correct z_m, or leave it out for the upper surface."
         )
-
-
-def grid_plan(
-    body_size_m: tuple[float, float, float] = (0.096, 0.096, 0.048),
-    per_side: int = 9,
-    margin_m: float = 0.012,
-    **settings: object,
-) -> ScanPlan:
-    """Presses on the top of a block: a square grid, made in rows that run to and fro.
-
-    Parameters
-    ----------
-    body_size_m : edges of the block
-    per_side : points along each edge, at least 2
-    margin_m : from the edges to the first points
-    **settings : further fields of `ScanPlan`
-
-    Examples
-    --------
-    >>> plan = grid_plan()
-    >>> len(plan), plan.points_m[0].tolist(), plan.points_m[-1].tolist()
-    (81, [0.012, 0.012, 0.048], [0.084, 0.084, 0.048])
-    """
-    if per_side < 2 or not 0 <= margin_m < min(body_size_m[:2]) / 2:
-        raise InputError(
-            f"A grid of {per_side} points a side with a margin of {margin_m:g} m does not fit a "
-            f"top of {body_size_m[0]:g} x {body_size_m[1]:g} m; take at least 2 points and a "
-            "smaller margin."
-        )
-    x = np.linspace(margin_m, body_size_m[0] - margin_m, per_side)
-    y = np.linspace(margin_m, body_size_m[1] - margin_m, per_side)
-    points = [
-        (xi, yk, body_size_m[2]) for k, yk in enumerate(y) for xi in (x if k % 2 == 0 else x[::-1])
-    ]
-    directions = np.tile([0.0, 0.0, -1.0], (len(points), 1))
-    return ScanPlan(np.array(points), directions, body_size_m=body_size_m, **settings)  # pyright: ignore[reportArgumentType]

@@ -210,16 +210,14 @@ class ArmMotions:
 
     def _frame(self, phase: str) -> Frame:
         data, planned, tip = self.rig.data, self.planned, self.rig.tip_m.copy()
-        turns = data.xquat[self.links]
         force = np.where(np.isfinite(self.rig.wrist_n), self.rig.wrist_n, 0.0)
         return Frame(
             time_s=self.time_s - self.dt,
             press=self.number,
             phase=phase,
             positions_m=data.xpos[self.links],
-            quaternions=turns,
+            quaternions=data.xquat[self.links],
             tip_m=tip,
-            tip_quaternion=turns[-1],
             force_vector_n=data.site_xmat[self.tip].reshape(3, 3) @ force,
             force_n=float(force[2]),
             wanted_n=float(self.recorder["wanted_n"][-1]),

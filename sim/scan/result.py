@@ -23,7 +23,7 @@ class Frame:
     press : number of the press
     phase : one of `PHASES`
     positions_m, quaternions : (l, 3) and (l, 4) w, x, y, z, of the laboratory's links
-    tip_m, tip_quaternion : (3,) and (4,)
+    tip_m : (3,)
     force_vector_n : (3,) contact force on the body
     force_n : contact force along the press direction
     wanted_n : set value of the force at this time
@@ -36,7 +36,6 @@ class Frame:
     positions_m: np.ndarray
     quaternions: np.ndarray
     tip_m: np.ndarray
-    tip_quaternion: np.ndarray
     force_vector_n: np.ndarray
     force_n: float
     wanted_n: float

@@ -9,7 +9,7 @@ import numpy as np
 
 from models.errors import InputError
 from sim.motion.planner import transit_duration
-from sim.motion.quintic import quintic
+from sim.motion.quintic import blend
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import Laboratory
 from sim.robot.simulated_arm import SimulatedArm
@@ -84,3 +84,12 @@ def run_script(script: Sequence[TipPose], laboratory: Laboratory) -> Tracking:
     error = np.linalg.norm(np.array(wanted) - np.array(tips), axis=1)
     time_s = np.arange(1, len(tips) + 1) * rig.dt
     return Tracking(time_s, np.array(wanted), np.array(tips), float(error.max()), force)
+
+
+def quintic(
+    start: np.ndarray, end: np.ndarray, s: float, duration_s: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position (n,), velocity and acceleration at the part s, 0 to 1, of a motion."""
+    change = end - start
+    position, velocity, acceleration = blend(s, duration_s)
+    return start + position * change, velocity * change, acceleration * change

@@ -14,13 +14,14 @@ from numpy.testing import assert_allclose
 
 from models.arm import ARMS, mesh_folder, read_arm
 from models.errors import InputError
-from sim.motion.scan_plan import ScanPlan, grid_plan
+from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.inverse_kinematics import TipKinematics
 from sim.robot.laboratory import build_laboratory
 from sim.robot.pinocchio_model import pinocchio_model
 from sim.robot.rigid_chain import inverse_dynamics, rigid_chain, tip_poses, tool_force
 from sim.scan.whole_scan import run_scan
+from tests.sim.grids import grid_plan
 from tests.sim.springs import Spring
 
 TOLERANCE = 1e-9

@@ -8,10 +8,11 @@ import pytest
 
 from models.errors import InputError
 from sim.motion.planner import CLEARANCE_M, _Planner, plan_motion
-from sim.motion.quintic import quintic
-from sim.motion.scan_plan import ScanPlan, grid_plan
+from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.laboratory import Placement, build_laboratory
+from tests.sim.grids import grid_plan
+from tests.sim.scripted_motion import quintic
 
 
 def turned(angle_deg, position=(0.40, -0.048, 0.1)):

@@ -8,10 +8,11 @@ from models.errors import InputError
 from models.scan_file import read_scan, write_scan
 from sim.body.soft_body import SoftBody
 from sim.body.true_map import TruthMap
-from sim.motion.scan_plan import ScanPlan, grid_plan
+from sim.motion.scan_plan import ScanPlan
 from sim.motion.settings import ScanSettings
 from sim.robot.laboratory import Placement, build_laboratory
 from sim.scan.whole_scan import run_scan
+from tests.sim.grids import grid_plan
 
 SIZE = (0.096, 0.096, 0.048)
 PRESSES = 27

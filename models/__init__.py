@@ -1,5 +1,6 @@
 """Data of the laboratory: the arm, the body's geometry and the measured table (Scan)."""
 
+from models.arguments import Seed, kinds_checked, path_or, refuse_other_kind, shortened
 from models.arm import ARM_PACKAGE, ARMS, Arm, mesh_folder, read_arm
 from models.catalogue import Catalogue
 from models.errors import InputError
@@ -34,17 +35,22 @@ __all__ = [
     "LabelVolume",
     "PressProgram",
     "Scan",
+    "Seed",
     "check_scan",
     "early_rest",
     "grid_program",
     "join_scans",
+    "kinds_checked",
     "mesh_folder",
     "nearest",
+    "path_or",
     "read_arm",
     "read_program",
     "read_scan",
+    "refuse_other_kind",
     "replaced",
     "scan_findings",
+    "shortened",
     "stack_scans",
     "thinned",
     "touching",

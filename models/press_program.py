@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from models.arguments import Seed, kinds_checked
 from models.errors import InputError
 from models.replaced import replaced
 from models.scan_columns import nearest
@@ -45,6 +46,7 @@ REST = 1 / 8
 """Share of the presses after which `early_rest` rests, and for which share of their time."""
 
 
+@kinds_checked
 @dataclass(frozen=True)
 class PressProgram:
     """Presses on a body, in their order; all arrays (j,), SI units.
@@ -112,6 +114,11 @@ class PressProgram:
                 "unit vector into the body, or leave all three out for the surface's normal."
             )
 
+    @classmethod
+    def made_from(cls, found: object) -> str:
+        """Return how one is made, for a sentence about another thing found in its place."""
+        return "pm.grid_program(...) or pm.PressProgram(...)"
+
     @property
     def direction(self) -> np.ndarray:
         """Unit directions into the body, (j, 3); NaN is the surface's normal."""
@@ -167,12 +174,13 @@ def random_pauses(count: int, seed: int) -> np.ndarray:
     return np.random.default_rng([seed, 1]).uniform(*PAUSE_S, size=count)
 
 
+@kinds_checked
 def grid_program(
     size_m: tuple[float, float, float] = (0.096, 0.096, 0.048),
     per_side: int = 9,
     radii_m: tuple[float, ...] = (0.005,),
     force_n: float = 0.3,
-    seed: int = 0,
+    seed: Seed = 0,
     margin_share: float = 1 / 8,
     ramp_s: float = 1.0,
     hold_s: float = 2.0,

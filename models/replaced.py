@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from models.errors import InputError
+
 
 @contextmanager
 def replaced(path: str | os.PathLike[str], ending: str = ".part") -> Iterator[Path]:
@@ -18,6 +20,8 @@ def replaced(path: str | os.PathLike[str], ending: str = ".part") -> Iterator[Pa
 
     Raises
     ------
+    InputError
+        There is no such folder, or a folder has the file's name.
     OSError
         The disk is full or read-only, ...; names `path`.
 
@@ -30,6 +34,13 @@ def replaced(path: str | os.PathLike[str], ending: str = ".part") -> Iterator[Pa
     'text'
     """
     path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path}: found a folder, expected a file's name; choose another one")
+    if not path.parent.is_dir():
+        raise InputError(
+            f"{path}: there is no folder {path.parent}, expected one to write the file to; make it "
+            "first or choose another path"
+        )
     beside = path.with_name(path.name + ending)
     try:
         yield beside

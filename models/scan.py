@@ -9,11 +9,16 @@ from typing import Any, Literal
 
 import numpy as np
 
+from models.arguments import kinds_checked, path_or, refuse_other_kind, shortened
 from models.errors import InputError
 from models.scan_columns import CONTACT_PHASES, OUTCOMES, PHASES
 
 _WORDS = {"phase": PHASES, "outcome": OUTCOMES}
-_NO_COLUMNS = ("frame_m", "travel_from")
+_OTHER_KINDS = {
+    "frame_m": tuple[float, float, float],
+    "travel_from": Literal["", "touch", "plane"],
+}
+_NO_COLUMNS = tuple(_OTHER_KINDS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,24 +70,30 @@ class Scan:
     travel_from: Literal["", "touch", "plane"] = ""
 
     def __post_init__(self):
-        m = len(self.press)
+        m = np.shape(self.press)[:1]
         widths = {"point_m": 3, "direction": 3, "force_vector_n": 3, "tip_pose": 7}
         kinds: dict[str, Any] = {"press": np.int64}
         kinds |= {name: f"U{max(map(len, words))}" for name, words in _WORDS.items()}
         for name, value in self.columns.items():
-            array = np.array(value)
-            words = _WORDS.get(name)
+            array, words = _array(name, value), _WORDS.get(name)
+            shape = (*m, widths[name]) if name in widths else m
+            if array.shape != shape or not shape:
+                raise InputError(f"{name} has shape {array.shape}, expected {shape or '(m,)'}")
             if words and not np.isin(array, words).all():
                 unknown = set(array.tolist()) - set(words)
                 raise InputError(f"{name} holds {unknown}, expected {words}")
             array = array.astype(kinds.get(name, np.float64))
-            shape = (m, widths[name]) if name in widths else (m,)
-            if array.shape != shape:
-                raise InputError(f"{name} has shape {array.shape}, expected {shape}")
             array.flags.writeable = False
             object.__setattr__(self, name, array)
+        for name in _NO_COLUMNS:
+            refuse_other_kind(name, getattr(self, name), _OTHER_KINDS[name])
         if np.any(np.diff(self.press) < 0):
             raise InputError("press ids fall, expected the order in which the presses were made")
+
+    @classmethod
+    def made_from(cls, found: object) -> str:
+        """Return how one is made, for a sentence about another thing found in its place."""
+        return f"pm.read_scan({path_or(found, 'path')})"
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
@@ -144,8 +155,11 @@ class Scan:
         """Number of approach and retract rows, which models do not use."""
         return int(np.count_nonzero(~self.in_contact))
 
+    @kinds_checked
     def rows(self, which: np.ndarray) -> "Scan":
         """Return the Scan of the chosen rows (mask or indices in rising order)."""
+        if np.asarray(which).dtype.kind not in "bui" or np.ndim(which) != 1:
+            raise InputError(f"which: found {shortened(which)}, expected a mask or indices")
         return replace(self, **{name: array[which] for name, array in self.columns.items()})
 
     def used(self) -> "Scan":
@@ -168,8 +182,11 @@ class Scan:
         count = np.bincount(self.press_index, near)
         return np.bincount(self.press_index, near * values) / np.maximum(count, 1.0)
 
+    @kinds_checked
     def moved(self, by_m: np.ndarray) -> "Scan":
         """Return the table in another frame: positions plus (3,) m."""
+        if np.shape(by_m) != (3,):
+            raise InputError(f"by_m: found {shortened(by_m)}, expected 3 numbers")
         pose = self.tip_pose
         if pose is not None:
             pose = np.column_stack([pose[:, :3] + by_m, pose[:, 3:]])
@@ -178,6 +195,19 @@ class Scan:
     def replace(self, **changes) -> "Scan":
         """Return a copy with some arrays replaced."""
         return replace(self, **changes)
+
+
+def _array(name: str, value: Any) -> np.ndarray:
+    """Return a column as an array of its own, of text or of numbers."""
+    kinds = "U" if name in _WORDS else "biuf"
+    try:
+        array = np.array(value)
+    except ValueError:  # rows of different lengths
+        array = np.empty(0, object)
+    if array.dtype.kind not in kinds and array.size + (array.dtype == object):
+        told = "texts" if name in _WORDS else "numbers"
+        raise InputError(f"{name}: found {shortened(value)}, expected {told}, one a row")
+    return array
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
+from models.arguments import kinds_checked
 from models.errors import InputError
 from models.replaced import replaced
 from models.scan import Scan
@@ -37,6 +38,7 @@ _COMMENTS = re.compile(r"([ \t]*(#[^\r\n]*)?(\r\n|\r|\n))+")
 _FINITE_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
+@kinds_checked
 def read_scan(path: str | os.PathLike[str], units_checked: bool = False) -> Scan:
     """Read a Scan from a .csv or .parquet file and check it.
 
@@ -73,6 +75,7 @@ def read_scan(path: str | os.PathLike[str], units_checked: bool = False) -> Scan
     return _scan_from_columns(columns)
 
 
+@kinds_checked
 def write_scan(scan: Scan, path: str | os.PathLike[str]) -> None:
     """Write a Scan as .csv or .parquet; numbers are read back bit for bit.
 
@@ -81,7 +84,7 @@ def write_scan(scan: Scan, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     InputError
-        If the ending is neither .csv nor .parquet.
+        The ending is neither .csv nor .parquet, or there is no such folder.
 
     Examples
     --------

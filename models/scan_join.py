@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from models.arguments import kinds_checked
 from models.errors import InputError
 from models.scan import Scan
 from models.scan_quality import identical_presses
@@ -23,8 +24,9 @@ def stack_scans(scans: Sequence[Scan]) -> Scan:
     )
 
 
+@kinds_checked
 def join_scans(
-    scans: Sequence[Scan], names: Sequence[str], pause_s: float | None = None
+    scans: Sequence[Scan], names: Sequence[str] | None = None, pause_s: float | None = None
 ) -> tuple[Scan, tuple[str, ...]]:
     """Return one table from scans made one after the other on the same body.
 
@@ -33,7 +35,7 @@ def join_scans(
     Parameters
     ----------
     scans : in the order in which they were made
-    names : of each in a sentence, such as its path
+    names : of each in a sentence, such as its path; None calls them scan 1, scan 2, ...
     pause_s : time from the last row of a scan to the first of the next, whatever their clocks
         say; None keeps the times
 
@@ -56,6 +58,12 @@ def join_scans(
     >>> len(both.press_ids), left_out
     (12, ())
     """
+    names = [f"scan {i}" for i in range(1, len(scans) + 1)] if names is None else names
+    if not scans or len(names) != len(scans):
+        raise InputError(
+            f"found {len(scans)} scans and {len(names)} names, expected one scan or more, and as "
+            "many names"
+        )
     timed = [scan.has_time for scan in scans]
     if any(timed) and not all(timed):
         with_time, without = names[timed.index(True)], names[timed.index(False)]

@@ -38,7 +38,8 @@ class _Commands(typer.core.TyperGroup):
         except typer.BadParameter as error:
             faults = getattr(error.__cause__, "errors", None)  # of pydantic, by which typer reads
             if faults is not None:
-                from palpmap.study.faults import expected_by, shortened
+                from models import shortened
+                from palpmap.study.faults import expected_by
 
                 fault = faults()[0]
                 error.message = f"found {shortened(fault['input'])}, expected {expected_by(fault)}"

@@ -30,13 +30,21 @@ from identify.optimize import OPTIMIZERS, Optimizer, minimize_gauss_newton
 from identify.residual import predict as predict_scan
 from identify.residual import run_difference
 from identify.select import kind_of_map, refuse_effect, with_effects
-from models import Catalogue, InputError, PressProgram, Scan, read_program, touching
-from palpmap.arguments import refuse_other_kinds
-from palpmap.experiment import Experiment, read_study, refuse_other
+from models import (
+    Catalogue,
+    InputError,
+    PressProgram,
+    Scan,
+    Seed,
+    kinds_checked,
+    read_program,
+    touching,
+)
+from palpmap.experiment import Experiment, read_study
 from palpmap.prediction_results import MapChange, Prediction
 from palpmap.result.outline import study_outline
 from palpmap.result.records import ExplainRecord
-from palpmap.results import Comparison, FitResult, Run, refuse_no_fit
+from palpmap.results import Comparison, FitResult, Run
 from palpmap.selection import diagnose, explain, limits, start
 from palpmap.selection_results import Diagnosis, Explanation, Limits
 from palpmap.sides import with_sides
@@ -53,6 +61,7 @@ if TYPE_CHECKING:
     from sim.scan import PressResult
 
 
+@kinds_checked
 def fit(
     experiment: Experiment,
     inclusions: int | Literal["auto"] | None = None,
@@ -83,7 +92,6 @@ def fit(
     >>> found.success, found.parameters["background_pa"].unit
     (True, 'Pa')
     """
-    refuse_other(experiment)
     if not callable(optimizer):
         raise InputError(
             f"optimizer: found {optimizer!r}, expected a function: one of "
@@ -114,6 +122,7 @@ def fit(
     return FitResult.of(found, experiment, opened.body.note)
 
 
+@kinds_checked
 def compare(fit: FitResult) -> Comparison:
     """Test the residual of a fit for structure along place, force, time and order.
 
@@ -124,10 +133,10 @@ def compare(fit: FitResult) -> Comparison:
     >>> comparison.is_noise, comparison.record.varies_with
     (False, 'force')
     """
-    refuse_no_fit(fit)
     return Comparison(fit, fit.finding.comparison)
 
 
+@kinds_checked
 def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = silent) -> Prediction:
     """Predict a scan that the fit has not seen, with bands, and compare it with the measurement.
 
@@ -153,8 +162,6 @@ def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = sile
     >>> found.verdict, found.holds  # the fit has seen these very presses
     ('too wide', True)
     """
-    refuse_no_fit(fit)
-    refuse_other(experiment)
     own = fit.experiment
     scan, notes = placed_on_body_of(own.study, experiment.study, experiment.scan)
     known = scan_noise(scan.used(), **experiment.study.noise.model_dump())
@@ -170,6 +177,7 @@ def predict(fit: FitResult, experiment: Experiment, *, progress: Progress = sile
     return Prediction.of(found, fit, experiment, notes)
 
 
+@kinds_checked
 def compare_runs(one: FitResult, other: FitResult) -> MapChange:
     """Compare the maps and effects of two fits of one body, in standard errors.
 
@@ -186,8 +194,6 @@ def compare_runs(one: FitResult, other: FitResult) -> MapChange:
     >>> pm.compare_runs(fit, fit).to_dict()["ratio"]
     1.0
     """
-    for fit in (one, other):
-        refuse_no_fit(fit)
     studies = [fit.experiment.study for fit in (one, other)]
     if (found := other_key(*studies)) is not None:
         key, here, there = found
@@ -213,6 +219,7 @@ def compare_runs(one: FitResult, other: FitResult) -> MapChange:
     return MapChange(one, other, found, notes)
 
 
+@kinds_checked
 def scan(
     body: Body | None = None,
     program: PressProgram | str | Path | None = None,
@@ -222,7 +229,7 @@ def scan(
     plant: Sequence[tuple[str, float]] = (),
     presses: int | None = None,
     tips: str | None = None,
-    seed: int = 0,
+    seed: Seed = 0,
     on_press: Callable[[PressResult], None] | None = None,
 ) -> Scan:
     """Press on a virtual body with the simulated arm.
@@ -270,7 +277,6 @@ def scan(
     from sim.motion import ScanSettings, read_tips
     from sim.scan import refuse_plants
 
-    refuse_other_kinds(body=body, map=map, arm=arm, program=program, presses=presses, tips=tips)
     refuse_plants(plant)
     study = virtual_lab.default_study()
     study = study if body is None else study.model_copy(update={"body": body})
@@ -299,6 +305,7 @@ def scan(
     return made
 
 
+@kinds_checked
 def read_run(folder: str | Path) -> Run:
     """Read a run folder that `fit`, `explain` or a `write()` left.
 
@@ -327,22 +334,7 @@ def read_run(folder: str | Path) -> Run:
 
 
 __all__ = [
-    "Comparison",
-    "Diagnosis",
-    "Explanation",
-    "FitResult",
-    "Limits",
-    "MapChange",
-    "Prediction",
-    "Run",
-    "compare",
-    "compare_runs",
-    "diagnose",
-    "explain",
-    "fit",
-    "limits",
-    "predict",
-    "read_run",
-    "scan",
-    "start",
-]
+    "Comparison", "Diagnosis", "Explanation", "FitResult", "Limits", "MapChange", "Prediction",
+    "Run", "compare", "compare_runs", "diagnose", "explain", "fit", "limits", "predict", "read_run",
+    "scan", "start",
+]  # fmt: skip

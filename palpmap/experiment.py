@@ -13,10 +13,10 @@ import numpy as np
 from identify import PlacedExperiment, Progress, silent
 from identify.effects import Effect
 from identify.measurement import Noise as ScanNoise
-from models import InputError, Scan, check_scan, read_scan
+from models import InputError, Scan, check_scan, kinds_checked, path_or, read_scan
 from palpmap.study import study as study_file
 from palpmap.study.body import Body
-from palpmap.study.faults import naming_study, shortened
+from palpmap.study.faults import naming_study
 from palpmap.study.open_study import catalogue_with, most_presses, open_study, own_effects
 from palpmap.study.study import About, Map, Probe, Study, Uncertainty, load_study
 from palpmap.study.units_check import check_units
@@ -65,6 +65,7 @@ class Experiment:
     source: Path | None
     _open: dict[bool, PlacedExperiment] = field(repr=False)
 
+    @kinds_checked
     def __init__(
         self,
         scan: Scan,
@@ -75,11 +76,6 @@ class Experiment:
         name: str = "experiment",
         units_checked: bool = False,
     ) -> None:
-        if not isinstance(scan, Scan):
-            told = (
-                f"read_scan({str(scan)!r})" if isinstance(scan, str | Path) else "read_scan(path)"
-            )
-            raise InputError(f"scan: found {shortened(scan)}, expected a Scan: give pm.{told}")
         about = About(name=name, scan=_NOWHERE, units_checked=units_checked)
         study = Study(study=about, body=body, probe=tip, noise=noise or study_file.Noise())
         check_scan(scan, "scan", units_checked)
@@ -98,6 +94,11 @@ class Experiment:
         made._hold(scan, study, source)
         return made
 
+    @classmethod
+    def made_from(cls, found: object) -> str:
+        """Return how one is made, for a sentence about another thing found in its place."""
+        return f"pm.read_study({path_or(found, 'path')})"
+
     @property
     def inputs(self) -> list[Path]:
         """Files that the experiment was read from."""
@@ -108,6 +109,7 @@ class Experiment:
         """Effects of the user that the study names; their files are executed."""
         return tuple(own_effects(self.study))
 
+    @kinds_checked
     def with_inclusions(self, inclusions: int | Literal["auto"] | None) -> Experiment:
         """Return the experiment with another number of inclusions in its map; None keeps it."""
         if inclusions is None:
@@ -124,6 +126,7 @@ class Experiment:
         study = self.study.model_copy(update={"map": checked})
         return Experiment.of(self.scan, study, self.source)
 
+    @kinds_checked
     def with_samples(self, samples: int | None) -> Experiment:
         """Return the experiment with another number of posterior samples; None keeps it."""
         if samples is None:
@@ -132,6 +135,7 @@ class Experiment:
         study = self.study.model_copy(update={"uncertainty": asked})
         return Experiment.of(self.scan, study, self.source)
 
+    @kinds_checked
     def of_kind(
         self, kind: Literal["inclusions", "free"], smoothness: float | None = None
     ) -> Experiment:
@@ -151,11 +155,13 @@ class Experiment:
         study = self.study.model_copy(update={"map": table})
         return Experiment.of(self.scan, study, self.source)
 
+    @kinds_checked
     def of_presses(self, ids: Collection[int]) -> Experiment:
         """Return the experiment with some of its presses, by their ids."""
         kept = np.isin(self.scan.press, np.array([*ids]))
         return Experiment.of(self.scan.rows(kept), self.study, self.source)
 
+    @kinds_checked
     def opened(
         self, say: Progress = silent, thin: bool = True, noise: ScanNoise | None = None
     ) -> PlacedExperiment:
@@ -172,8 +178,6 @@ class Experiment:
         InputError
             Scan and study do not fit together.
         """
-        if not callable(say):
-            raise InputError(f"progress: found {say!r}, expected a function of a text, as print")
         thin = thin and len(self.scan.press_ids) > most_presses(self.study)
         if thin not in self._open:
             catalogue = catalogue_with(self.own_effects)
@@ -182,21 +186,7 @@ class Experiment:
         return replace(self._open[thin], say=say)
 
 
-def refuse_other(given: object) -> None:
-    """Refuse anything but an experiment, such as the path of its study.
-
-    Raises
-    ------
-    InputError
-        Saying what was found and how to make an experiment.
-    """
-    if not isinstance(given, Experiment):
-        told = (
-            f"read_study({str(given)!r})" if isinstance(given, str | Path) else "read_study(path)"
-        )
-        raise InputError(f"found {given!r}, expected an Experiment: give pm.{told}")
-
-
+@kinds_checked
 def read_study(path: str | Path) -> Experiment:
     """Read a study file and its scan.
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from identify.residual import Prediction as PredictionOfScan
 from identify.residual import RunDifference
-from models import replaced
+from models import kinds_checked, replaced
 from palpmap.experiment import Experiment
 from palpmap.record import FileRecord, Record
 from palpmap.results import FitResult, Shown, drawn, values_of
@@ -160,6 +160,7 @@ class Prediction(Shown, PredictionOfScan):
         """Return the prediction as plain data, as prediction.json holds it."""
         return dict(self.record.to_dict())
 
+    @kinds_checked
     def write(self, folder: str | Path) -> Path:
         """Write a run folder: prediction.json, prediction.csv, the picture, report.html."""
         inputs = [*self.fit.experiment.inputs, *self.experiment.inputs]
@@ -303,6 +304,7 @@ class MapChange(Shown):
         """Return the difference as plain data, as difference.json holds it."""
         return dict(self.record.to_dict())
 
+    @kinds_checked
     def write(self, folder: str | Path) -> Path:
         """Write a run folder: difference.json, the picture, report.html."""
         inputs = dict.fromkeys([*self.one.experiment.inputs, *self.other.experiment.inputs])

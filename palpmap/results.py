@@ -19,10 +19,9 @@ from identify.fit import FitResult as FitRecord
 from identify.fit import draw_posterior, refuse_samples
 from identify.residual import Comparison as ComparisonRecord
 from identify.residual import ResidualTest
-from models import InputError
+from models import Seed, kinds_checked, path_or
 from palpmap.experiment import Experiment
 from palpmap.run_folder import RunFolder
-from palpmap.study.faults import shortened
 from palpmap.study.study import Uncertainty
 
 if TYPE_CHECKING:
@@ -31,28 +30,6 @@ if TYPE_CHECKING:
 
     from palpmap.result.finding import Finding
     from palpmap.result.records import ExplainRecord
-
-
-def refuse_no_fit(given: object) -> None:
-    """Refuse anything but a fit, such as the run that holds it, or the path of one.
-
-    Raises
-    ------
-    InputError
-        Saying what was found and how to come by a fit.
-    """
-    if isinstance(given, FitResult):
-        return
-    told = "fit(experiment), or pm.read_run(folder).fit"
-    if isinstance(given, Run):
-        told = f"read_run({str(given.folder)!r}).fit"
-    elif isinstance(given, str | Path):
-        told = f"read_run({str(given)!r}).fit"
-    elif isinstance(given, Experiment):
-        told = "fit(experiment)"
-    plain = isinstance(given, str | Path | int | float | None)
-    found = shortened(given) if plain else f"this {type(given).__name__}"
-    raise InputError(f"found {found}, expected a FitResult: give pm.{told}")
 
 
 _SAID = 50  # draws between two words of progress
@@ -144,10 +121,20 @@ class FitResult(Shown, FitRecord):
         """Return a record of `identify` with its experiment."""
         return cls(**values_of(found), experiment=experiment, note=note)
 
+    @classmethod
+    def made_from(cls, found: object) -> str:
+        """Return how one is made, for a sentence about another thing found in its place."""
+        if isinstance(found, Experiment):
+            return "pm.fit(experiment)"
+        folder = found.folder if isinstance(found, Run) else found
+        read = f"pm.read_run({path_or(folder, 'folder')}).fit"
+        return read if isinstance(folder, str | Path) else f"pm.fit(experiment), or {read}"
+
     def __repr__(self) -> str:
         return f"FitResult({self.experiment.study.name!r}, {self.message!r})"
 
-    def sample(self, samples: int = 4000, seed: int = 0, progress: Progress = silent) -> Self:
+    @kinds_checked
+    def sample(self, samples: int = 4000, seed: Seed = 0, progress: Progress = silent) -> Self:
         """Return the fit with draws from the posterior of map and effects.
 
         Parameters
@@ -215,6 +202,7 @@ class FitResult(Shown, FitRecord):
             "posterior": None if self.posterior is None else self.posterior.to_dict(),
         }
 
+    @kinds_checked
     def write(self, folder: str | Path) -> Path:
         """Write the run folder of `palpmap fit`: fit, comparison, figures, report, recording."""
         from palpmap.run_files.fit_run import FitRun
@@ -278,6 +266,7 @@ class Comparison(Shown):
 
         return drawn(draw_along, self.fit.finding)
 
+    @kinds_checked
     def write(self, folder: str | Path) -> Path:
         """Write a run folder: comparison.json, the figures, report.html."""
         from palpmap.run_files.fit_run import write_finding

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identify.map import GaussianMap
-from models import InputError, Scan, stack_scans
-from palpmap.arguments import for_each, refuse_other_kinds, rows
+from models import InputError, Scan, Seed, kinds_checked, stack_scans
+from palpmap.arguments import for_each, rows
 from palpmap.study import virtual_lab
 from palpmap.study.body import Body
 from palpmap.study.press_plan import plan_at, surface_of
@@ -31,6 +31,7 @@ OFF_SURFACE_M = 1e-3
 SETTLED = 0.5  # part of a hold, or of a sweep, after which its force has to be kept
 
 
+@kinds_checked
 @dataclass(frozen=True)
 class Presses:
     """Presses of one call and their outcomes.
@@ -82,6 +83,7 @@ class Robot:
     0.0
     """
 
+    @kinds_checked
     def __init__(
         self,
         body: Body | None = None,
@@ -90,13 +92,12 @@ class Robot:
         map: GaussianMap | None = None,
         arm: ScanSettings | None = None,
         mechanisms: Sequence[Mechanism] = (),
-        seed: int = 0,
+        seed: Seed = 0,
     ) -> None:
         from sim.motion import ScanSettings
         from sim.robot import Mechanisms
         from sim.scan import Session
 
-        refuse_other_kinds(body=body, tip=tip, map=map, arm=arm)
         known = virtual_lab.default_study()
         update = {"body": body or known.body, "probe": tip or known.probe}
         self.study: Study = known.model_copy(update=update)
@@ -142,6 +143,7 @@ class Robot:
         normals = self._surface.footing(points, self.study.probe.radius_m).normals
         return points + self._origin, -normals
 
+    @kinds_checked
     def press(
         self,
         points_m: ArrayLike,
@@ -165,10 +167,6 @@ class Robot:
         InputError
             A press that cannot be made, would go too deep, or is not on the body.
         """
-        if on_unreachable not in ("raise", "skip"):
-            raise InputError(
-                f"on_unreachable: found {on_unreachable!r}, expected 'raise' or 'skip'"
-            )
         plan = self._plan(points_m, directions, force_n)
         from sim.motion import beyond_limits, refuse
 
@@ -188,6 +186,7 @@ class Robot:
         left = tuple((one.press, one.reason) for one in left_out)
         return Presses(scan, run.outcomes, left, run.series if run.presses else None)
 
+    @kinds_checked
     def follow(
         self,
         points_m: ArrayLike,
@@ -268,6 +267,7 @@ class Robot:
         return replace(plan, forces_n=forces.copy())
 
 
+@kinds_checked
 def assert_force_kept(made: Presses | PathResult, tolerance: float = 0.01) -> None:
     """Assert that the set force was held: in every press, or in the second half of a sweep.
 
@@ -310,6 +310,7 @@ def assert_force_kept(made: Presses | PathResult, tolerance: float = 0.01) -> No
     )
 
 
+@kinds_checked
 def assert_path_clear(path: PathResult, least_m: float = 0.002) -> None:
     """Assert that the arm kept its distance from table, body and itself, and the tip met nothing.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 
 from identify import PlacedExperiment, Progress, silent
@@ -12,7 +12,7 @@ from identify.effects import Effect
 from identify.fit import FitIteration
 from identify.select import Step, kind_of_map, start_fit, step_of
 from identify.select import explain as explain_scan
-from models import Catalogue, InputError
+from models import Catalogue, Seed, kinds_checked
 from palpmap.experiment import Experiment
 from palpmap.selection_results import Diagnosis, Explanation, Limits
 from palpmap.sides import with_sides
@@ -31,13 +31,6 @@ def start(
     ----------
     effects : candidates, beside the study's own
     """
-    listed = isinstance(effects, Iterable) and not isinstance(effects, str)
-    for effect in effects if listed else (effects,):
-        if not listed or not isinstance(effect, Effect):
-            raise InputError(
-                f"effects: found {effect!r}, expected a list of effects: CATALOGUE['force_drift'], "
-                "or MyEffect() of one of your own"
-            )
     opened = experiment.opened(progress)
     if opened.map.either:
         inclusions = experiment.of_kind("inclusions")
@@ -50,11 +43,12 @@ def start(
     return Problem(**vars(start_fit(opened, catalogue, on_iteration)), study=experiment.study)
 
 
+@kinds_checked
 def diagnose(
     experiment: Experiment,
     effects: Sequence[Effect] = CATALOGUE,
     *,
-    seed: int = 0,
+    seed: Seed = 0,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Score every effect that the model may lack, without refitting.
@@ -79,11 +73,12 @@ def diagnose(
     return Diagnosis(experiment, step, problem, seed)
 
 
+@kinds_checked
 def explain(
     experiment: Experiment,
     effects: Sequence[Effect] = CATALOGUE,
     *,
-    seed: int = 0,
+    seed: Seed = 0,
     progress: Progress = silent,
     on_iteration: Callable[[FitIteration], None] | None = None,
     on_step: Callable[[Step], None] | None = None,
@@ -124,6 +119,7 @@ def explain(
     return Explanation.of(found, experiment, problem, assessment, seed)
 
 
+@kinds_checked
 def limits(
     experiment: Experiment,
     effects: Sequence[Effect] = CATALOGUE,

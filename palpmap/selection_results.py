@@ -15,7 +15,7 @@ from identify.fit import FitResult as FitRecord
 from identify.fit import fit_jointly
 from identify.select import Explanation as Selection
 from identify.select import Step, WithoutSuspects, fit_with, step_of
-from models import InputError
+from models import InputError, kinds_checked
 from palpmap.experiment import Experiment
 from palpmap.results import FitResult, Shown, drawn, values_of
 from palpmap.run_folder import RunFolder
@@ -87,6 +87,7 @@ class Diagnosis(Shown):
         """Return the diagnosis as plain data, as diagnosis.json holds it."""
         return self.record.to_dict()
 
+    @kinds_checked
     def write(self, folder: str | Path) -> Path:
         """Write the run folder of `palpmap diagnose`: diagnosis.json."""
         inputs = self.experiment.inputs
@@ -217,6 +218,7 @@ class Explanation(Shown, Selection):
         """Return the explanation as plain data, as result.json holds it."""
         return self.record.to_dict()
 
+    @kinds_checked
     def write(self, folder: str | Path) -> Path:
         """Write the run folder of `palpmap explain`: result, next scans, report, recording."""
         known = self.experiment
@@ -287,6 +289,7 @@ class Limits(Shown):
         """Return the limits as plain data, as limits.json holds them."""
         return self.record.to_dict()
 
+    @kinds_checked
     def write(self, folder: str | Path) -> Path:
         """Write the run folder of `palpmap limits`: limits.json, and planned scans as programs."""
         with RunFolder("limits", Path(folder), inputs=self.experiment.inputs) as run:

@@ -8,7 +8,7 @@ from fem import MeshError
 from identify import PlacedExperiment, Progress, silent
 from identify.design import likeliest_body
 from models import InputError, thinned, touching
-from palpmap.experiment import Experiment, refuse_other
+from palpmap.experiment import Experiment
 from palpmap.study.contact_body import assumed_margin_m
 from palpmap.study.open_study import catalogue_with
 
@@ -24,7 +24,6 @@ def with_sides(experiment: Experiment, progress: Progress = silent) -> Experimen
     where that is clear: a wider body makes up for a free side by softer places, which bends the
     curves of a ball's presses wrongly.
     """
-    refuse_other(experiment)
     body = experiment.study.body
     if body.margin_assumed or (widest_m := assumed_margin_m(body)) is None:
         return experiment

@@ -30,6 +30,7 @@ import numpy as np
 from identify.body.state import BodyState
 from identify.effects.readings import Readings
 from identify.map.parameters import Parameter
+from models import kinds_checked
 
 Link = Literal["body", "contact", "response", "instrument"]
 # Requirements of an effect on a scan, in the words of the sentence about a lack.
@@ -49,6 +50,7 @@ EffectParameter = Parameter  # under the name that authors of effects import
 Given = float | str | tuple[float, ...] | tuple[str, ...] | tuple[tuple[float, ...], ...]
 
 
+@kinds_checked
 @dataclass(frozen=True)
 class WorkedExample:
     """An effect at work on numbers that can be followed by hand; `worked_example.work` does it.
@@ -152,6 +154,13 @@ class Effect:
         cls.hooks = tuple(hook for hook in LINKS if callable(getattr(cls, hook, None)))
         if cls.hooks:
             cls.link = LINKS[cls.hooks[0]]
+
+    @classmethod
+    def made_from(cls, found: object) -> str:
+        """Return how one is made, for a sentence about another thing found in its place."""
+        if isinstance(found, type) and issubclass(found, cls):
+            return f"an instance of the class, {found.__name__}()"
+        return "pm.CATALOGUE['force_drift'], or MyEffect() of a class of your own"
 
     # ---- shape parameters ----------------------------------------------------------------
 

@@ -20,12 +20,13 @@ import numpy as np
 
 from identify.map.free_map import FreeMap
 from identify.map.gaussian_map import GaussianMap
-from models import InputError
+from models import InputError, kinds_checked
 
 _AT_BOUND = 1e-9  # distance from a bound, in scaled coordinates, that counts as none
 _HARDEST, _SOFTEST = 100.0, -0.95  # weight of an inclusion over the background
 
 
+@kinds_checked
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of a map or of an effect; scaled: u = ln(value) if `log`, else value / typical.

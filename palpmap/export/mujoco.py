@@ -18,7 +18,7 @@ import numpy as np
 
 from fem import Mesh, PalpationModel, block_mesh
 from fem.contact import contact_weights
-from models import InputError, replaced
+from models import InputError, kinds_checked, replaced
 from palpmap.export.body import ExportedBody
 
 if TYPE_CHECKING:
@@ -84,6 +84,7 @@ def write_mujoco(body: ExportedBody, path: Path) -> Agreement:
     return Agreement(factor, nu, float(np.abs(ratio / factor - 1).max()))
 
 
+@kinds_checked
 def load_mujoco(path: str | os.PathLike[str]) -> MjModel:
     """Compile an exported MJCF file and give each element its modulus.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from identify import Progress, silent
-from models import InputError, Scan, read_scan, replaced, touching, write_scan
+from models import InputError, Scan, kinds_checked, read_scan, replaced, touching, write_scan
 from palpmap.importing.mapping.rig import Rig, load_rig
 from palpmap.importing.new_folder import new_folder
 from palpmap.importing.places import at_places, with_places
@@ -50,6 +50,7 @@ class Imported:
     said: tuple[str, ...] = field(repr=False)
     cut: Cut | None = field(default=None, repr=False)
 
+    @kinds_checked
     def write(self, folder: str | os.PathLike[str], form: str = "csv") -> Path:
         """Write scan, study.toml, import.md and a copy of the body's surface; return the study.
 
@@ -138,6 +139,7 @@ class Imported:
         )
 
 
+@kinds_checked
 def import_recording(
     files: Sequence[str | os.PathLike[str]] | str | os.PathLike[str],
     rig: Rig | str | os.PathLike[str],

@@ -116,6 +116,11 @@ class Body(Table):
     thickness_assumed: bool = Field(False, strict=True)
     margin_assumed: bool = Field(False, strict=True)
 
+    @classmethod
+    def made_from(cls, found: object) -> str:
+        """Return how one is made, for a sentence about another thing found in its place."""
+        return "pm.Block((0.1, 0.1, 0.05), poisson_ratio=0.49)"
+
     @model_validator(mode="after")
     def _shape_has_its_keys(self) -> "Body":
         if self.shape == "block" and (self.size_m is None or self.file is not None):

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from models import InputError, nearest
+from models import InputError, nearest, shortened
 
 T = TypeVar("T", bound=BaseModel)
 
@@ -74,16 +74,6 @@ _EXPECTED = {
     "too_short": "more values",
 }
 """Pydantic's kinds of faults in the words of a person who writes TOML."""
-
-
-def shortened(found: object) -> str:
-    """Return a value as written in a file, cut where it is long.
-
-    >>> shortened("a" * 200)[-8:]
-    'aaaaa...'
-    """
-    text = repr(found)
-    return text if len(text) <= 80 else f"{text[:77]}..."
 
 
 def expected_by(fault: Mapping[str, Any]) -> str:

@@ -13,9 +13,9 @@ from pydantic import (
     model_validator,
 )
 
-from models import InputError, nearest, replaced
+from models import InputError, nearest, replaced, shortened
 from palpmap.study.body import Body, File, Positive, Real, Table
-from palpmap.study.faults import fault_sentence, shortened
+from palpmap.study.faults import fault_sentence
 from palpmap.study.study_text import study_tables
 from palpmap.study.units_check import check_units
 
@@ -54,6 +54,11 @@ class Probe(Table):
         None,
         description="largest force in N of the presses that are proposed; None is that of the scan",
     )
+
+    @classmethod
+    def made_from(cls, found: object) -> str:
+        """Return how one is made, for a sentence about another thing found in its place."""
+        return "pm.FlatTip(0.005) or pm.Sphere(0.005)"
 
 
 class Noise(Table):

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from models import InputError
+from models import InputError, kinds_checked
 
 FORCE_ERROR = 0.0025
 """Standard deviation of a held force by the sensor's noise, of the set one."""
@@ -16,6 +16,7 @@ FORCE_ERROR = 0.0025
 LONGEST_HOLD_S = 10.0
 
 
+@kinds_checked
 @dataclass(frozen=True)
 class ScanSettings:
     """Settings of the scan program; SI units.

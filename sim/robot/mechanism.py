@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from models import InputError
+from models import InputError, kinds_checked
 
 if TYPE_CHECKING:
     from sim.robot.contact_coupling import PressedBody
@@ -52,6 +52,7 @@ class Live:
         return max(time_s - self.first_approach_s, 0.0)
 
 
+@kinds_checked
 @dataclass(frozen=True)
 class Mechanism:
     """One mechanism or fault; times are true seconds since the scan began.

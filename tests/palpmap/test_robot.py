@@ -62,7 +62,7 @@ POINT = (0.13, 0.03, 0.04)
         (lambda arm: arm.follow([POINT] * 2, speed_m_per_s=-0.1), "speed_m_per_s: found -0.1, ex"),
         (lambda arm: arm.surface(POINT), "xy_m: found (0.13, 0.03, 0.04), expected 2 finite numb"),
         (lambda arm: pm.Robot(arm), "body: found <palpmap.robot.Robot"),
-        (lambda arm: pm.Robot(map=8000.0), "map: found 8000.0, expected a map, such as"),
+        (lambda arm: pm.Robot(map=8000.0), "map: found 8000.0, expected a GaussianMap"),
     ],
 )
 def test_what_the_robot_cannot_take_is_refused_in_a_sentence(ask, said, arm):

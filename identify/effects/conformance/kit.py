@@ -12,6 +12,7 @@ from identify.effects.conformance import checks
 from identify.effects.conformance.checks import Fault
 from identify.effects.conformance.columns import columns
 from identify.effects.conformance.example_scan import ExampleScan, trial
+from models import kinds_checked
 
 Check = Callable[[Effect, ExampleScan], str]  # returns the finding, raises Fault
 
@@ -52,6 +53,7 @@ class CheckResult:
     says: str
 
 
+@kinds_checked
 def check_effect(effect: Effect, further: Mapping[str, Check] | None = None) -> list[CheckResult]:
     """Try an effect; one finding a check, passed or not.
 

@@ -24,6 +24,12 @@ def fitted() -> pm.FitResult:
 
 
 @pytest.fixture(scope="module")
+def twelve() -> pm.FitResult:
+    """A fit of twelve presses, made in a moment."""
+    return pm.fit(pm.read_study(TWELVE))
+
+
+@pytest.fixture(scope="module")
 def why() -> pm.Explanation:
     """Twelve presses with a hidden `contact_offset`, put together in memory."""
     study = pm.read_study(TWELVE)
@@ -107,9 +113,8 @@ def test_a_comparison_is_that_of_the_fit(fitted):
     assert comparison.to_dict()["is_noise"] is True
 
 
-def test_a_written_fit_is_the_commands_folder_and_reads_back(tmp_path, run_here):
-    fitted = pm.fit(pm.read_study(TWELVE))
-    written = fitted.write(tmp_path / "door")
+def test_a_written_fit_is_the_commands_folder_and_reads_back(twelve, tmp_path, run_here):
+    written = twelve.write(tmp_path / "door")
     done = run_here("fit", TWELVE, folder=tmp_path / "command")
     assert done.exit_code == 0, done.stderr
     assert {p.name for p in written.iterdir()} == {p.name for p in done.folder.iterdir()}
@@ -119,9 +124,9 @@ def test_a_written_fit_is_the_commands_folder_and_reads_back(tmp_path, run_here)
         assert ours["parameters"][name]["value"] == pytest.approx(entry["value"], rel=1e-6)
     again = pm.read_run(written)
     assert again.verdict is None
-    assert again.fit.parameters == fitted.parameters
-    np.testing.assert_array_equal(again.fit.residual_m, fitted.residual_m)
-    assert again.fit.summary().split("residual", 1)[1] == fitted.summary().split("residual", 1)[1]
+    assert again.fit.parameters == twelve.parameters
+    np.testing.assert_array_equal(again.fit.residual_m, twelve.residual_m)
+    assert again.fit.summary().split("residual", 1)[1] == twelve.summary().split("residual", 1)[1]
 
 
 @pytest.mark.slow
@@ -320,10 +325,9 @@ def test_bad_input_gets_a_sentence(make, sentence):
     assert "\n" not in str(caught.value)
 
 
-def test_too_few_samples_are_refused_as_in_a_study():
-    fit = pm.fit(pm.read_study(TWELVE))
+def test_too_few_samples_are_refused_as_in_a_study(twelve):
     with pytest.raises(pm.InputError, match="samples: found 10, expected a whole number from 1000"):
-        fit.sample(10)
+        twelve.sample(10)
 
 
 def test_a_number_of_inclusions_may_be_numpys():
@@ -375,16 +379,16 @@ def test_a_free_map_beside_a_thinned_scan_has_the_presses_of_the_inclusions(monk
     assert np.array_equal(of_free_map, of_inclusions)
 
 
-def test_what_is_no_fit_is_refused_with_the_way_to_one(fitted):
+def test_what_is_no_fit_is_refused_with_the_way_to_one(twelve):
     run = str(TWELVE.parent)
     calls: tuple[Any, ...] = (
-        pm.compare, lambda given: pm.predict(given, fitted.experiment),
-        lambda given: pm.compare_runs(fitted, given), lambda given: pm.compare_runs(given, fitted),
+        pm.compare, lambda given: pm.predict(given, twelve.experiment),
+        lambda given: pm.compare_runs(twelve, given), lambda given: pm.compare_runs(given, twelve),
     )  # fmt: skip
     ways = (
         (pm.read_run(run), f"found this Run, expected a FitResult: give pm.read_run('{run}').fit"),
         (run, f"give pm.read_run('{run}').fit"),
-        (fitted.experiment, "found this Experiment, expected a FitResult: give pm.fit(experiment)"),
+        (twelve.experiment, "found this Experiment, expected a FitResult: give pm.fit(experiment)"),
         (None, "found None, expected a FitResult: give pm.fit(experiment), or pm.read_run(folder)"),
     )
     for call in calls:
@@ -395,9 +399,9 @@ def test_what_is_no_fit_is_refused_with_the_way_to_one(fitted):
 
 
 @pytest.mark.parametrize("given", ["study.toml", None, 3])
-def test_what_is_no_experiment_is_refused_in_a_sentence(given, fitted):
+def test_what_is_no_experiment_is_refused_in_a_sentence(given, twelve):
     calls: tuple[Any, ...] = (
-        pm.fit, pm.diagnose, pm.explain, pm.limits, lambda given: pm.predict(fitted, given)
+        pm.fit, pm.diagnose, pm.explain, pm.limits, lambda given: pm.predict(twelve, given)
     )  # fmt: skip
     for call in calls:
         with pytest.raises(pm.InputError, match=r"expected an Experiment: give pm\.read_study"):

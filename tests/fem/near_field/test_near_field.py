@@ -8,9 +8,6 @@ the assumed pressure alone makes the compliance up to 3 % too high at a = h, nu 
 
 from __future__ import annotations
 
-import csv
-import json
-
 import numpy as np
 import pytest
 
@@ -22,7 +19,7 @@ from fem.mesh.block import block_mesh
 from fem.mesh.mesh import Mesh, promote_to_tet10
 from fem.near_field import points as near_field_points
 from fem.palpation.model import PalpationModel
-from tests.paths import LAB
+from tests.fem.lab import lab, modulus_of
 
 DOWN = (0.0, 0.0, -1.0)
 # kappa of P = 2 E a w kappa/(1 - nu^2), from Hayes' integral equation; a/h, then nu = .3, .4, .45
@@ -259,16 +256,6 @@ def test_a_tip_whose_rim_passes_through_nodes_is_like_one_beside():
     assert exact == pytest.approx(beside, rel=1e-4)
 
 
-def lab(case: str) -> tuple[dict, np.ndarray, np.ndarray]:
-    """The body, the 81 contact points and their exact compliances."""
-    truth = json.loads((LAB / case / "truth.json").read_text())
-    with open(LAB / case / "scan.csv", newline="") as file:
-        places = {int(r["press"]): [float(r[c]) for c in ("x_m", "y_m", "z_m")]
-                  for r in csv.DictReader(file)}  # fmt: skip
-    points = np.array([places[j] for j in range(len(places))])
-    return truth["body"], points, np.array(truth["compliance_m_per_n"])
-
-
 @pytest.fixture(scope="module")
 def lab_model() -> PalpationModel:
     """Every second press of the laboratory's scan, in a checkerboard."""
@@ -284,11 +271,7 @@ def test_an_inclusion_is_felt_as_by_an_independent_solver(case, lab_model):
     np.testing.assert_allclose(
         points, [(x, y, 0.048) for y in side for x in side], atol=1e-9
     )  # x runs fastest
-    modulus = np.full(len(lab_model.points_m), float(body["background_pa"]))
-    for i in body["inclusions"]:
-        away = lab_model.points_m - [i["x_m"], i["y_m"], i["z_m"]]
-        modulus += i["weight_pa"] * np.exp(-(away**2).sum(axis=1) / (2 * i["radius_m"] ** 2))
-    error = lab_model.evaluate(modulus).compliance / exact[::2] - 1
+    error = lab_model.evaluate(modulus_of(body, lab_model.points_m)).compliance / exact[::2] - 1
     assert np.sqrt(np.mean(error**2)) < 0.005
     assert abs(error).max() < 0.01
 

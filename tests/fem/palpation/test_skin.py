@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
-
 import numpy as np
 import pytest
 
@@ -23,7 +20,7 @@ from fem.palpation.layered_half_space import (
 from fem.palpation.model import PalpationModel
 from fem.palpation.richardson import RefinedModel
 from fem.palpation.skin import Membrane
-from tests.paths import LAB
+from tests.fem.lab import lab, modulus_of
 
 DOWN = np.array([0.0, 0.0, -1.0])
 # kappa of P = 2 E a w kappa/(1 - nu^2) for a/h = .2, from Hayes' integral equation
@@ -129,23 +126,6 @@ def test_a_membranes_energy_is_that_of_plane_stress(order):
     assert used[:, 2].min() > 0.35
 
 
-def lab(case: str) -> tuple[dict, np.ndarray, np.ndarray]:
-    truth = json.loads((LAB / case / "truth.json").read_text())
-    with open(LAB / case / "scan.csv", newline="") as file:
-        places = {int(r["press"]): [float(r[c]) for c in ("x_m", "y_m", "z_m")]
-                  for r in csv.DictReader(file)}  # fmt: skip
-    points = np.array([places[j] for j in range(len(places))])
-    return truth["body"], points, np.array(truth["compliance_m_per_n"])
-
-
-def modulus(body: dict, points: np.ndarray) -> np.ndarray:
-    field = np.full(len(points), float(body["background_pa"]))
-    for i in body["inclusions"]:
-        away = points - [i["x_m"], i["y_m"], i["z_m"]]
-        field += i["weight_pa"] * np.exp(-(away**2).sum(axis=1) / (2 * i["radius_m"] ** 2))
-    return field
-
-
 @pytest.fixture(scope="module")
 def phantom() -> RefinedModel:
     """Every fifth press of the laboratory's scan: edges, corners, inclusion."""
@@ -160,7 +140,7 @@ def phantom() -> RefinedModel:
 def test_a_skinned_phantom_is_felt_as_by_an_independent_solver(phantom):
     body, _, exact = lab("case_f")
     skin = body["skin_layer"]["thickness_m"], body["skin_layer"]["modulus_factor"]
-    field = modulus(body, phantom.points_m)
+    field = modulus_of(body, phantom.points_m)
     error = phantom.evaluate(field, skin=skin).compliance / exact[::5] - 1
     assert np.sqrt(np.mean(error**2)) < 0.003
     assert abs(error).max() < 0.005
@@ -170,7 +150,7 @@ def test_a_skinned_phantom_is_felt_as_by_an_independent_solver(phantom):
 
 def test_the_derivatives_of_a_skinned_body_pass_taylors_test(phantom):
     model = phantom.coarse
-    field = modulus(lab("case_f")[0], model.points_m)
+    field = modulus_of(lab("case_f")[0], model.points_m)
     change = field * np.random.default_rng(2).uniform(-1, 1, len(field))
     start = model.evaluate(field, skin=(8e-4, 4.0))
     steps = ((8e-4 * np.array([1, 0, 0]), start.skin_sensitivity[:, 0] * 8e-4),
@@ -186,7 +166,7 @@ def test_the_derivatives_of_a_skinned_body_pass_taylors_test(phantom):
 
 def test_a_skin_that_is_none_changes_nothing(phantom):
     model = phantom.coarse
-    field = modulus(lab("case_f")[0], model.points_m)
+    field = modulus_of(lab("case_f")[0], model.points_m)
     bare = model.evaluate(field)
     for skin in ((0.0, 5.0), (1e-3, 1.0)):
         found = model.evaluate(field, skin=skin)

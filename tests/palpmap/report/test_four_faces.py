@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from io import StringIO
 
 import pytest
@@ -19,6 +18,7 @@ from palpmap.result.explain_record import explain_record
 from palpmap.result.finding import step_finding
 from palpmap.run_files.explain_run import write_explain_files
 from palpmap.run_folder import RunFolder
+from tests.palpmap.report.page import Page
 
 HEADLINES = {
     "Explained": "explained",
@@ -34,30 +34,6 @@ WORDS = {
     "cannot be tested": "untestable",
 }
 UNITS = {"kPa": 1e3, "mm": 1e-3, "µm": 1e-6, "mN": 1e-3}
-
-
-class Page(HTMLParser):
-    """Headings of a page, and the cells of its tables row by row."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.headings, self.rows, self._into = [], [], None
-        self.feed(html)
-
-    def handle_starttag(self, tag, attrs):
-        if tag == "tr":
-            self.rows.append([])
-        elif tag in ("td", "th", "h2"):
-            self._into = self.headings if tag == "h2" else self.rows[-1]
-            self._into.append("")
-
-    def handle_endtag(self, tag):
-        if tag in ("td", "th", "h2"):
-            self._into = None
-
-    def handle_data(self, data):
-        if self._into is not None:
-            self._into[-1] += data
 
 
 def number(text):

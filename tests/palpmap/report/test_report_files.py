@@ -5,7 +5,6 @@ import json
 import re
 from contextlib import redirect_stdout
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -47,6 +46,7 @@ from palpmap.run_files.fit_run import with_making
 from palpmap.run_folder import RunFolder
 from palpmap.study.study import load_study
 from sim.scan.outcome import Judgement, PressOutcome
+from tests.palpmap.report.page import Page
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 NASTY = "<script>alert('x')</script> & [bold]\"phantom\""
@@ -121,32 +121,6 @@ def make_run(folder, *, truth=True, origin=(0.0, 0.0, 0.0), **scan_options):
     return folder
 
 
-class Page(HTMLParser):
-    """Collects tags and text; fails on a tag that is closed wrongly or not at all."""
-
-    VOID = ("meta", "img", "br", "link", "hr", "input")
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.tags, self.text, self.links = [], [], [], []
-        self.feed(text)
-        self.close()
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
-        self.links += [v for k, v in attrs if k in ("src", "href", "srcset", "action")]
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if not self.open or self.open[-1] != "style":
-            self.text.append(data)
-
-
 def load_finding(run: Path) -> Finding:
     """Return the finding of a run folder."""
     return with_making(read_run(run).fit.finding, run)
@@ -192,12 +166,12 @@ def test_on_a_telephone_tables_scroll_in_their_own_box_and_nothing_asks_for_more
 def test_the_report_shows_hostile_names_as_text(done):
     raw = (done[0] / "report.html").read_text(encoding="utf-8")
     assert "<script" not in raw
-    assert NASTY in "".join(Page(raw).text)
-    assert "converged <quickly>" in "".join(Page(raw).text)
+    assert NASTY in Page(raw).text
+    assert "converged <quickly>" in Page(raw).text
 
 
 def test_the_report_says_what_was_found_and_how(done):
-    text = "".join(Page((done[0] / "report.html").read_text(encoding="utf-8")).text)
+    text = Page((done[0] / "report.html").read_text(encoding="utf-8")).text
     for words in (
         "5.020 kPa", "4.960 to 5.080 kPa", "held", "seed 7", "optimizer = gauss-newton",
         "Poisson's ratio 0.45 was given", "off the finer model by up to 3 %", "SHA-256",
@@ -289,7 +263,7 @@ def test_an_inclusion_that_was_not_found_is_said_beside_the_verdict(tmp_path):
     console.print(*summary(finding), sep="\n")
     lines = console.export_text().splitlines()
     write_report(finding, {}, tmp_path / "report.html")
-    text = "".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).text)
+    text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
     for sentence in (
         "Not found: inclusion 1 y stands at the bound of the search.",
         "The search did not converge.",
@@ -337,7 +311,7 @@ def test_without_a_truth_the_report_stands_and_names_none(tmp_path):
     assert picture.startswith(SIGNATURE)
     assert draw_uncertainty(finding) is None  # It stands beside the found map already.
     write_report(finding, {"map": picture}, tmp_path / "report.html")
-    text = "".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).text)
+    text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
     assert "Found map beside" not in text
     assert "s.e." not in text
     headings = [c.heading for c in parameter_table(finding.parameters, true=finding.true).columns]

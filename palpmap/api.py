@@ -45,6 +45,7 @@ from palpmap.prediction_results import MapChange, Prediction
 from palpmap.result.outline import study_outline
 from palpmap.result.records import ExplainRecord
 from palpmap.results import Comparison, FitResult, Run
+from palpmap.run_folder import refuse_interrupted
 from palpmap.selection import diagnose, explain, limits, start
 from palpmap.selection_results import Diagnosis, Explanation, Limits
 from palpmap.sides import with_sides
@@ -312,7 +313,7 @@ def read_run(folder: str | Path) -> Run:
     Raises
     ------
     InputError
-        The folder has no fit, or a file in it is broken.
+        The folder has no fit, one of another run than its study, or a file in it is broken.
 
     Examples
     --------
@@ -327,6 +328,7 @@ def read_run(folder: str | Path) -> Run:
                 f"{folder}: found no {name}, expected a run folder with a fit; make one with "
                 "`palpmap fit STUDY --out RUN`"
             )
+    refuse_interrupted(folder)
     experiment = read_study(folder / "study.toml")
     result = folder / "result.json"
     found = ExplainRecord.read(result) if result.is_file() else None

@@ -249,6 +249,32 @@ def _refuse_mixing(
         )
 
 
+def refuse_interrupted(path: Path) -> None:
+    """Refuse a run folder whose study is of a run that did not end, and its fit of one before.
+
+    Raises
+    ------
+    InputError
+        Naming the folder, and the command to end it with.
+    """
+    runs = RunsRecord.read(path / "run.json").runs if (path / "run.json").is_file() else ()
+    runs = [run for run in runs if run.command != "compare"]  # which reads both
+    done = [run for run in runs if run.outcome == "done"]
+    if not done or runs[-1] is done[-1]:
+        return
+    last, before = runs[-1], done[-1]
+    same = (*last.inputs.values(), last.settings) == (*before.inputs.values(), before.settings)
+    study, fit = (path / name for name in ("study.toml", "fit.json"))
+    if same or fit.stat().st_mtime_ns >= study.stat().st_mtime_ns:  # written after its study
+        return
+    again = " ".join(["palpmap", last.command, *list(last.inputs)[:1], "--out", str(path)])
+    raise InputError(
+        f"{path}: its study.toml is of the `palpmap {last.command}` that began at {last.started} "
+        f"and did not end, its fit.json of the run before; make the folder whole by `{again}`, or "
+        "fit into a new one"
+    )
+
+
 def _locked(path: Path) -> FileLock | None:
     """Lock the folder for this process; the system lifts the lock of one that was killed.
 

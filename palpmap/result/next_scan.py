@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from identify.design import Assessment, BetterScans, Presses, Proposal
-from models import PressProgram, Scan, touching, write_program
-from palpmap.result.records import NextPressesRecord
+from models import InputError, PressProgram, Scan, touching, write_program
+from palpmap.result.records import LimitsRecord, NextPressesRecord
 from palpmap.study.body import Body
 from palpmap.study.cell_size import cell_size_m, smallest_cell_m
 from palpmap.study.placement import place_scan
@@ -114,10 +114,25 @@ def write_programs(assessment: Assessment, sites: Sites, run: Path) -> None:
 
 
 def write_planned(better: BetterScans, sites: Sites, run: Path) -> None:
-    """Write the programs of better scans into a run folder."""
+    """Write the programs of better scans into a run folder, in place of earlier ones."""
+    for stale in _planned_before(run):
+        stale.unlink(missing_ok=True)
     mixed = () if better.mixed is None else (better.mixed.design,)
     for design in (*(design for design, _ in better.by_effect.values()), *mixed):
         write_presses(design.presses, sites, run / PLANNED.format(design.name))
+
+
+def _planned_before(run: Path) -> list[Path]:
+    """Return the programs that the folder's limits name; other scans are none of them."""
+    file = run / "limits.json"
+    if not file.is_file():
+        return []
+    try:
+        known = LimitsRecord.read(file)
+    except InputError:  # a damaged one is replaced, and names nothing
+        return []
+    planned = [known.mixed_scan, *(limit.better_scan for limit in known.limits)]
+    return [run / Path(scan.program).name for scan in planned if scan is not None]
 
 
 def _why(proposal: Proposal) -> str:

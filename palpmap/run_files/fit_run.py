@@ -125,6 +125,7 @@ def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
     if isinstance(finding.fit.map, FreeMap):
         write_vti(finding, run / "map.vti")
         recording.found(cut_views(finding, finding.fit, finding.fit.map.modulus))
+    _forget_other_fits(finding.fit, run)
     paths = write_finding(finding, run)
     measured, modelled, _ = near_largest_force(finding)
     recording.comparison(
@@ -134,6 +135,15 @@ def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
         {name: path for name, path in paths.items() if path.suffix == ".png"},
     )
     recording.event(" ".join([finding.comparison.statement, *finding.doubts]))
+
+
+def _forget_other_fits(fit: FitResult, run: Path) -> None:
+    """Remove what a former fit of the folder left and this one has not."""
+    stale = [] if isinstance(fit.map, FreeMap) else ["map.vti"]
+    if fit.posterior is None:
+        stale += ["posterior.nc", "figures/posterior.png"]
+    for name in stale:
+        (run / name).unlink(missing_ok=True)
 
 
 def with_making(finding: Finding, run: Path) -> Finding:

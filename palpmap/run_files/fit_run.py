@@ -138,7 +138,7 @@ def finish_fit(run: Path, finding: Finding, recording: Recording) -> None:
 
 
 def _forget_other_fits(fit: FitResult, run: Path) -> None:
-    """Remove what a former fit of the folder left and this one has not."""
+    """Remove the files of a former fit of the folder that this one has none of."""
     stale = [] if isinstance(fit.map, FreeMap) else ["map.vti"]
     if fit.posterior is None:
         stale += ["posterior.nc", "figures/posterior.png"]

@@ -23,8 +23,9 @@ def test_a_fit_beside_the_study_of_a_later_run_that_did_not_end_is_refused(tmp_p
     with pytest.raises(pm.InputError, match="expected a new or empty one"):
         other.write(folder)
     runs = RunsRecord.read(folder / "run.json").runs
-    RunsRecord(runs=[run.changed(inputs=dict.fromkeys(map(str, other.experiment.inputs), "0"))
-                     for run in runs]).write(folder / "run.json")  # fmt: skip
+    files = dict.fromkeys(map(str, other.experiment.inputs), "0")  # as if edited in place
+    changed = tuple(run.changed(inputs=files) for run in runs)
+    RunsRecord(runs=changed).write(folder / "run.json")
     interrupt(other, folder, monkeypatch)
     said = r"study\.toml is of the `palpmap fit` that began at .* and did not end, its fit\.json of"
     with pytest.raises(pm.InputError, match=said):

@@ -83,7 +83,16 @@ def find_triples(recording: Recording) -> list[tuple[Channel, Channel, Channel]]
             name = channel.name
             key = (id(channel.table), name[: match.start()], name[match.end() :], bool(match["q"]))
             groups.setdefault(key, {})[axis.lower()] = channel
-    return [(g["x"], g["y"], g["z"]) for g in groups.values() if {"x", "y", "z"} == set(g)]
+    triples = [g for g in groups.values() if {"x", "y", "z"} <= set(g)]
+    return [(g["x"], g["y"], g["z"]) for g in triples if not _is_quaternion(g)]
+
+
+def _is_quaternion(group: dict[str, Channel]) -> bool:
+    """Whether columns x, y, z have a w of unit length with them, and not a width, say."""
+    four = [group[axis].values for axis in "xyzw" if axis in group]
+    length = np.linalg.norm(four, axis=0)
+    known = length[np.isfinite(length)]
+    return len(four) == 4 and len(known) > 0 and bool(np.all(np.abs(known - 1) < 0.025))
 
 
 def _axes(channel: Channel) -> list[re.Match]:
@@ -205,8 +214,6 @@ def find_quaternion(recording: Recording, table: Table) -> tuple[Channel, ...]:
                 key = channel.name[: match.start("axis")]
                 groups.setdefault(key, {})[match["axis"].lower()] = channel
     for group in groups.values():
-        if set(group) == set("xyzw"):
-            four = tuple(group[axis] for axis in "xyzw")
-            if np.all(np.abs(sum(c.values**2 for c in four) - 1) < 0.05):
-                return four
+        if set(group) == set("xyzw") and _is_quaternion(group):
+            return tuple(group[axis] for axis in "xyzw")
     return ()

@@ -78,3 +78,11 @@ def test_a_column_of_the_tips_radius_is_found_and_what_has_no_use_is_said(propos
     assert "Not used" not in text
     text = proposal(lambda i, cells: cells | {"travel": f"1.5,{8 + i // 6}"}, travel="d_mm,wide_mm")
     assert "\n# Not used: wide_mm\n" in text
+
+
+def test_a_column_of_the_bodys_width_hides_no_contact_points(proposal):
+    text = proposal(lambda i, cells: cells | {"more": 40 + i}, more="w_mm")
+    assert 'columns = ["x_mm", "y_mm", "z_mm"]' in text
+    assert "# Not used: w_mm" in text
+    turned = proposal(lambda i, cells: cells | {"more": 0, "x": 0, "y": 0, "z": 1}, more="w_mm")
+    assert "columns = [" not in turned.replace("# columns", "")  # of unit length: a quaternion

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 from identify import Progress, silent
 from models import InputError, Scan, kinds_checked, read_scan, replaced, touching, write_scan
 from palpmap.importing.mapping.rig import Rig, load_rig
+from palpmap.importing.mapping.stated_units import in_mapping, other_units, told
 from palpmap.importing.new_folder import new_folder
 from palpmap.importing.places import at_places, with_places
 from palpmap.importing.readers.read import read_recording
@@ -34,6 +36,7 @@ class Imported:
     scan : the scan
     said : what was found, assumed and left out, in sentences
     cut : presses of a raw stream with their touches, lag and left-out presses; None of readings
+    other_units : units that the recording states otherwise than the mapping, by the mapping's key
 
     Examples
     --------
@@ -41,7 +44,7 @@ class Imported:
 
     >>> import palpmap as pm
     >>> [name for name in pm.Imported.__dataclass_fields__]
-    ['files', 'rig', 'scan', 'said', 'cut']
+    ['files', 'rig', 'scan', 'said', 'cut', 'other_units']
     """
 
     files: tuple[Path, ...]
@@ -49,6 +52,7 @@ class Imported:
     scan: Scan = field(repr=False)
     said: tuple[str, ...] = field(repr=False)
     cut: Cut | None = field(default=None, repr=False)
+    other_units: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @kinds_checked
     def write(self, folder: str | os.PathLike[str], form: str = "csv") -> Path:
@@ -76,7 +80,7 @@ class Imported:
                  str(study_file): "mapping"}  # fmt: skip
         if self.rig.body is not None and (surface := self.rig.body.file) is not None:
             users[str(folder / surface.name)] = str(surface)
-        with new_folder(folder, users):
+        with _naming_mapping(self.rig, self.other_units), new_folder(folder, users):
             write_scan(self.scan, scan_file)
             with replaced(page_file) as beside:
                 beside.write_text(self.page(), encoding="utf-8")
@@ -196,16 +200,27 @@ def import_recording(
     assert rig.probe
     recording, placed = with_places(read_recording(files, progress), rig)
     progress("finding the presses")
-    said = list(recording.notes)
+    stated = other_units(recording, rig)
+    said = [*recording.notes, *told(rig, stated)]
     cut = None
-    if rig.kind == "readings":
-        scan, found = scan_of_readings(recording, placed)
-    else:
-        cut = cut_stream(recording, placed)
-        scan = at_places(cut.scan(rig.probe.radius_m), rig)
-        scan, moved = put_on_surface(scan, rig.body, rig.rows.surface_m)
-        found = [*cut.said, moved]
-    return Imported(tuple(map(Path, files)), rig, scan, (*said, *found), cut)
+    with _naming_mapping(rig, stated):
+        if rig.kind == "readings":
+            scan, found = scan_of_readings(recording, placed)
+        else:
+            cut = cut_stream(recording, placed)
+            scan = at_places(cut.scan(rig.probe.radius_m), rig)
+            scan, moved = put_on_surface(scan, rig.body, rig.rows.surface_m)
+            found = [*cut.said, moved]
+    return Imported(tuple(map(Path, files)), rig, scan, (*said, *found), cut, stated)
+
+
+@contextmanager
+def _naming_mapping(rig: Rig, stated: Mapping[str, str]) -> Iterator[None]:
+    """Name the mapping's units in a refusal of a scan that was read in them."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(in_mapping(str(error), rig, stated)) from error
 
 
 def put_on_surface(scan: Scan, body: Body, largest_m: float) -> tuple[Scan, str]:

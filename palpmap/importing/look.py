@@ -88,7 +88,7 @@ def find_triples(recording: Recording) -> list[tuple[Channel, Channel, Channel]]
 
 
 def _is_quaternion(group: dict[str, Channel]) -> bool:
-    """Whether columns x, y, z have a w of unit length with them, and not a width, say."""
+    """Return true for columns x, y, z with a w of unit length, not a width."""
     four = [group[axis].values for axis in "xyzw" if axis in group]
     length = np.linalg.norm(four, axis=0)
     known = length[np.isfinite(length)]

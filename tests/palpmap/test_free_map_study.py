@@ -1,6 +1,7 @@
 """A study with a free map: its keys, its faces, and the sentences for what does not work."""
 
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -30,6 +31,14 @@ def study(folder: Path, table: str) -> Path:
     path = folder / "study.toml"
     path.write_text(f"{text}\n[map]\n{table}\n", encoding="utf-8")
     return path
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """What `fit` said of a study with a free map, the study and its run folder."""
+    folder = tmp_path_factory.mktemp("free")
+    path, run = study(folder, 'kind = "free"'), folder / "run"
+    return CliRunner().invoke(app, ["fit", str(path), "--out", str(run)]), path, run
 
 
 @pytest.mark.parametrize(
@@ -69,17 +78,16 @@ def test_the_kind_of_map_is_decided_by_evidence_and_said(tmp_path):
         pm.fit(pm.read_study(study(tmp_path, 'kind = "auto"')), inclusions=2)
 
 
-def test_a_free_fit_is_written_read_and_compared(tmp_path):
-    path, run = study(tmp_path, 'kind = "free"'), tmp_path / "run"
+def test_a_free_fit_is_written_read_and_compared(made):
+    done, path, run = made
     runner = CliRunner()
     assert "free map" in runner.invoke(app, ["check", str(path)]).output
-    made = runner.invoke(app, ["fit", str(path), "--out", str(run)])
-    assert made.exit_code == 0, made.output
-    assert "depth of sight" in made.output
+    assert done.exit_code == 0, done.output
+    assert "depth of sight" in done.output
     again = pm.read_run(run).fit
     areas = json.loads((run / "fit.json").read_text(encoding="utf-8"))["field"]["areas"]
     assert [a.contrast for a in again.field.areas] == [a["contrast"] for a in areas] != []
-    assert "Felt, times" in made.output
+    assert "Felt, times" in done.output
     compared = runner.invoke(app, ["compare", str(run)])
     assert compared.exit_code in (0, 1), compared.output
     assert "Traceback" not in compared.output
@@ -98,7 +106,7 @@ def test_a_free_fit_is_written_read_and_compared(tmp_path):
     assert 0 <= again.field.ball_sight_m < 0.03
 
 
-def test_a_stated_smoothness_is_the_priors_and_is_read_again(tmp_path):
+def test_a_stated_smoothness_is_the_priors_and_is_read_again(made, tmp_path):
     gradual = pm.read_study(study(tmp_path, 'kind = "free"\nsmoothness = 1.5'))
     fit = pm.fit(gradual)
     assert "1.5, for gradual changes" in fit.summary()
@@ -111,14 +119,13 @@ def test_a_stated_smoothness_is_the_priors_and_is_read_again(tmp_path):
     assert prior.covariance(np.array([prior.length_m])) == pytest.approx(at_length)
     with pytest.raises(InputError, match="a body of any kind"):
         gradual.of_kind("free", 3.0)
-    steep = pm.fit(pm.read_study(study(tmp_path, 'kind = "free"')))
+    steep = pm.read_run(made[2]).fit
     assert steep.field.hyper.smoothness == 0.5
     assert np.abs(steep.map.log_pa - fit.map.log_pa).max() > 0.01
 
 
-def test_a_run_from_before_its_prior_had_a_name_is_of_gradual_changes(tmp_path):
-    pm.fit(pm.read_study(study(tmp_path, 'kind = "free"'))).write(tmp_path / "run")
-    file = tmp_path / "run" / "fit.json"
+def test_a_run_from_before_its_prior_had_a_name_is_of_gradual_changes(made, tmp_path):
+    file = shutil.copytree(made[2], tmp_path / "run") / "fit.json"
     record = json.loads(file.read_text(encoding="utf-8"))
     del record["field"]["hyper"]["smoothness"]
     file.write_text(json.dumps(record), encoding="utf-8")

@@ -9,6 +9,7 @@ from identify.fit.free_map.areas import Area, find_areas
 from identify.fit.free_map.field_posterior import FieldPosterior
 from identify.fit.free_map.outline import beyond_presses
 from identify.fit.free_map.settings import SPOTS
+from identify.map import MaternField
 from tests.identify.fit.test_spots import (
     NOISE,
     by_field,
@@ -21,6 +22,23 @@ __all__ = ["by_field", "grid"]
 
 
 TIP_M, ACROSS = np.full(36, 0.003), np.eye(3)[:2]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fields_drawn_once():
+    """Let all posteriors, which have one prior, share its random fields: they take the time."""
+    drawn, draw = {}, MaternField.draws
+
+    def once(prior, rng, count):
+        key = str(rng.bit_generator.state), count
+        if key not in drawn:
+            drawn[key] = draw(prior, rng, count), rng.bit_generator.state
+        fields, rng.bit_generator.state = drawn[key]
+        return fields
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MaternField, "draws", once)
+        yield
 
 
 def areas(by_field, found: FieldPosterior) -> tuple[Area, ...]:

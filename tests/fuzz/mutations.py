@@ -8,9 +8,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from tests.paths import TESTS
+from tests.paths import TWELVE
 
-TWELVE = TESTS / "data" / "twelve_presses"
 CELLS = (
     "", " ", "nan", "inf", "-inf", "1e308", "-1e308", "1e-300", "0", "-1", "1e9", "9" * 400,
     "0x10", "1,5", "1;5", "true", "None", "=1+1", "'", '"', "\x00", "é", "１２", "1e5e5", "--1",

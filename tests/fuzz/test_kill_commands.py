@@ -17,9 +17,8 @@ from PIL import Image
 from models import read_scan
 from palpmap.recording.integrity import examine
 from tests.palpmap.importing import raw_scan
-from tests.paths import LAB, TESTS
+from tests.paths import LAB, TWELVE
 
-TWELVE = TESTS / "data" / "twelve_presses"
 WRITES = {"import": "study", "join": "both.csv"}  # once; a second run would be refused
 KILLS = {"import": 11, "join": 10, "add": 8, "fit": 9, "scan": 8, "explain": 4}  # 50 in all
 

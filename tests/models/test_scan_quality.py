@@ -25,10 +25,9 @@ from models.scan_quality import (
 from models.scan_readings import bad_readings
 from palpmap.__main__ import app
 from tests.long import long
-from tests.paths import LAB, TESTS
+from tests.paths import LAB, TWELVE
 
 RUN = CliRunner()
-TWELVE = TESTS / "data" / "twelve_presses"
 SEEN_SHARE = 0.1  # of its press's largest: a third of a smaller reading is often within noise
 
 

@@ -15,9 +15,8 @@ from palpmap.__main__ import app
 from palpmap.study import cell_size
 from palpmap.study.body import Body
 from palpmap.study.study import load_study
-from tests.paths import LAB, TESTS
+from tests.paths import LAB, TWELVE
 
-TWELVE = TESTS / "data" / "twelve_presses"
 posix = pytest.mark.skipif(sys.platform == "win32", reason="needs limits of a process")
 
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from models.scan_file import read_scan, write_scan
 from palpmap.__main__ import app
 from palpmap.run_folder import sha256
-from tests.paths import LAB, ROOT
+from tests.paths import LAB, ROOT, TWELVE
 
 REAL = Path(os.environ.get("PALPMAP_REAL_DATA", ROOT.parent / "shared" / "data" / "real"))
 
@@ -159,7 +159,7 @@ def test_cells_larger_than_half_the_body_are_refused(tmp_path):
     ],
 )
 def test_an_effect_that_no_fit_would_take_is_refused(effect, says, tmp_path):
-    study = copied(tmp_path / "run")
+    study = shutil.copytree(TWELVE, tmp_path / "run") / "study.toml"
     csv = study.parent / "scan.csv"
     scan = read_scan(csv)
     write_scan(scan.replace(time_s=scan.time_s * float("nan")), csv)

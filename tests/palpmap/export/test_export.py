@@ -16,15 +16,14 @@ from identify.map.gaussian_map import GAUSSIAN
 from palpmap.__main__ import app
 from palpmap.export import export_run, load_mujoco
 from palpmap.export.body import ExportedBody
-from tests.paths import LAB, ROOT
+from tests.paths import LAB, TWELVE
 
-RUN = ROOT / "tests" / "data" / "twelve_presses"
 AGREES = 0.05
 
 
 @pytest.fixture(scope="module")
 def run():
-    return pm.read_run(RUN)
+    return pm.read_run(TWELVE)
 
 
 def test_paraview_shows_the_map_at_its_places(run, tmp_path):
@@ -136,10 +135,10 @@ def test_mujoco_repeats_presses_from_corner_to_corner_of_a_laboratory_scan(tmp_p
 
 def test_the_command_writes_beside_the_run_and_refuses_a_wrong_ending(run, tmp_path):
     result = CliRunner().invoke(
-        app, ["export", str(RUN), "--to", "csv", "--out", str(tmp_path / "a.csv"), "--json"]
+        app, ["export", str(TWELVE), "--to", "csv", "--out", str(tmp_path / "a.csv"), "--json"]
     )
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["file"].endswith("a.csv")
-    result = CliRunner().invoke(app, ["export", str(RUN), "--to", "vti", "--out", "a.csv"])
+    result = CliRunner().invoke(app, ["export", str(TWELVE), "--to", "vti", "--out", "a.csv"])
     assert result.exit_code == 2
     assert "ends in .vti" in result.stderr

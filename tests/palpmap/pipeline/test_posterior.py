@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 import palpmap as pm
 from identify.fit import read_fit
 from palpmap.__main__ import app
-from tests.paths import TESTS
+from tests.paths import TWELVE
 
-STUDY = TESTS / "data" / "twelve_presses" / "study.toml"
+STUDY = TWELVE / "study.toml"
 
 
 @pytest.fixture(scope="module")

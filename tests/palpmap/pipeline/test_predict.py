@@ -15,18 +15,16 @@ from palpmap.__main__ import app
 from palpmap.prediction_results import PredictionRecord
 from palpmap.report.prediction_report import worst_table
 from palpmap.schemas import schemas
-from tests.paths import TESTS
-
-RUN = TESTS / "data" / "twelve_presses"
+from tests.paths import TWELVE
 
 
 def study(folder: Path, share: float = 1.0, **changes: str) -> Path:
     """Another session on the twelve presses' body: the travel times a share."""
-    scan = pm.read_scan(RUN / "scan.csv")
+    scan = pm.read_scan(TWELVE / "scan.csv")
     kept = scan.rows(scan.press_index % 2 == 0)
     folder.mkdir(exist_ok=True)
     pm.write_scan(kept.replace(displacement_m=share * kept.displacement_m), folder / "scan.csv")
-    text = (RUN / "study.toml").read_text()
+    text = (TWELVE / "study.toml").read_text()
     for old, new in changes.items():
         assert old in text
         text = text.replace(old, new)
@@ -42,7 +40,7 @@ def run(*words: object, code: int):
 
 def test_a_softer_body_fails_with_exit_code_1_and_a_report_that_says_so(tmp_path):
     other, out = study(tmp_path / "other", share=1.25), tmp_path / "run"
-    record = json.loads(run(RUN, other, "--out", out, "--json", code=1).stdout)
+    record = json.loads(run(TWELVE, other, "--out", out, "--json", code=1).stdout)
     assert record["verdict"] == "too narrow"
     assert record["force_error_median"] == pytest.approx(0.25, abs=0.04)
     written = PredictionRecord.read(out / "prediction.json")
@@ -61,7 +59,7 @@ def test_a_softer_body_fails_with_exit_code_1_and_a_report_that_says_so(tmp_path
 @pytest.mark.parametrize(("width", "verdict"), [(1.0, "calibrated"), (10.0, "too wide")])
 def test_bands_ten_times_the_errors_are_a_cautious_prediction_and_no_calibrated_one(width, verdict):
     """Errors of the presses' own noise, in bands that are mostly one error of all presses."""
-    fit = pm.read_run(RUN).fit
+    fit = pm.read_run(TWELVE).fit
     found = pm.predict(fit, fit.experiment)
     error_m = np.where(np.arange(found.presses) % 2, 1e-5, -1e-5)
     sd_m = np.full(found.presses, 1e-5 * width)
@@ -73,7 +71,7 @@ def test_bands_ten_times_the_errors_are_a_cautious_prediction_and_no_calibrated_
 
 def test_the_same_body_holds_from_python_and_shows_itself(tmp_path):
     other = pm.read_study(study(tmp_path / "other"))
-    found = pm.predict(pm.read_run(RUN).fit, other)
+    found = pm.predict(pm.read_run(TWELVE).fit, other)
     assert found.holds
     assert found.to_dict()["verdict"] in ("calibrated", "too wide")
     assert "6 of 6 presses lie in their 95 % bands" in found.summary()
@@ -98,18 +96,18 @@ def test_the_same_body_holds_from_python_and_shows_itself(tmp_path):
 def test_a_study_of_another_body_is_refused(tmp_path, old, new, said):
     other = pm.read_study(study(tmp_path / "other", **{old: new}))
     with pytest.raises(InputError, match=said):
-        pm.predict(pm.read_run(RUN).fit, other)
+        pm.predict(pm.read_run(TWELVE).fit, other)
 
 
 def test_a_folder_without_a_fit_is_refused(tmp_path):
-    shutil.copy(RUN / "study.toml", tmp_path / "study.toml")
-    assert "found no fit.json" in run(tmp_path, RUN / "study.toml", code=2).stderr
+    shutil.copy(TWELVE / "study.toml", tmp_path / "study.toml")
+    assert "found no fit.json" in run(tmp_path, TWELVE / "study.toml", code=2).stderr
 
 
 def test_two_runs_are_compared_with_a_report(tmp_path):
-    again = shutil.copytree(RUN, tmp_path / "again")
+    again = shutil.copytree(TWELVE, tmp_path / "again")
     done = CliRunner().invoke(
-        app, ["compare", str(RUN), str(again), "--out", str(tmp_path / "run"), "--json"]
+        app, ["compare", str(TWELVE), str(again), "--out", str(tmp_path / "run"), "--json"]
     )
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
@@ -120,7 +118,7 @@ def test_two_runs_are_compared_with_a_report(tmp_path):
     assert "The maps agree" in report
     assert "264 of 264 readings of the other run were fitted in the one, too" in report
     assert record["notes"]
-    assert all(str(source / "fit.json") in report for source in (RUN, again))
+    assert all(str(source / "fit.json") in report for source in (TWELVE, again))
 
 
 @pytest.mark.parametrize(
@@ -134,11 +132,11 @@ def test_two_runs_are_compared_with_a_report(tmp_path):
     ],
 )  # fmt: skip
 def test_runs_of_studies_that_state_different_bodies_are_refused(tmp_path, old, new, said):
-    other = shutil.copytree(RUN, tmp_path / "other") / "study.toml"
+    other = shutil.copytree(TWELVE, tmp_path / "other") / "study.toml"
     text = other.read_text()
     assert old in text
     other.write_text(text.replace(old, new))
-    done = CliRunner().invoke(app, ["compare", str(RUN), str(other.parent)])
+    done = CliRunner().invoke(app, ["compare", str(TWELVE), str(other.parent)])
     assert done.exit_code == 2
     assert said in " ".join(done.stderr.split())
 
@@ -150,7 +148,7 @@ def test_nothing_to_compare_is_said_with_all_that_can_be_compared(tmp_path):
 
 
 def test_what_python_compares_writes_itself(tmp_path):
-    fit = pm.read_run(RUN).fit
+    fit = pm.read_run(TWELVE).fit
     for found, name in ((pm.compare(fit), "comparison"), (pm.compare_runs(fit, fit), "difference")):
         folder = found.write(tmp_path / name)
         files = {path.name for path in folder.iterdir()}
@@ -162,6 +160,6 @@ def test_what_python_compares_writes_itself(tmp_path):
 
 
 def test_readings_that_the_fit_has_seen_are_said():
-    fit = pm.read_run(RUN).fit
+    fit = pm.read_run(TWELVE).fit
     again = pm.predict(fit, fit.experiment)
     assert any("readings were in the fit's own scan" in note for note in again.notes)

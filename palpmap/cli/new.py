@@ -18,7 +18,7 @@ class Tip(StrEnum):
     SPHERE = "sphere"
 
 
-def _three(value: str | None) -> tuple[float, ...] | None:
+def _three(value: str | None, flag: str | None = None) -> tuple[float, ...] | None:
     if value is None:
         return None
     try:
@@ -26,7 +26,9 @@ def _three(value: str | None) -> tuple[float, ...] | None:
     except ValueError:
         numbers = ()
     if len(numbers) != 3:
-        raise typer.BadParameter(f"found '{value}', expected three numbers in m, as 0.1,0.1,0.05")
+        raise typer.BadParameter(
+            f"found '{value}', expected three numbers in m, as 0.1,0.1,0.05", param_hint=flag
+        )
     return numbers
 
 
@@ -127,12 +129,12 @@ def new(
     facts = Facts(
         tip=tip.value if tip else None,
         poisson_ratio=poisson,
-        size_m=_three(size),
+        size_m=_three(size, "'--size'"),
         surface=surface,
         thickness_m=thickness,
         thickness_assumed=thickness_assumed,
         margin_m=margin,
-        origin_m=_three(origin),
+        origin_m=_three(origin, "'--origin'"),
         displacement_noise_m=displacement_noise,
         force_noise_n=force_noise,
         touch_noise_m=touch_noise,

@@ -218,7 +218,7 @@ def planted(text: str) -> tuple[str, float]:
         size = float(percent or 3) / 100
     except ValueError:
         size = 0.0
-    if not 0 < size <= 1:
+    if not (0 < size <= 1 and name) or "=" in name:
         raise InputError(f"plant: found '{text}', expected NAME, NAME:3 (percent) or FILE.py")
     return name, size
 

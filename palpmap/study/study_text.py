@@ -22,7 +22,8 @@ def study_tables(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: {kind}, expected a study file (.toml); {cure}")
     if path.suffix.lower() in (".csv", ".parquet"):
         raise InputError(
-            f"{path}: found a scan, expected a study file (.toml); write one that names the scan"
+            f"{path}: found a scan, expected a study file (.toml); `palpmap new {path} --out "
+            "FOLDER` makes one"
         )
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))

@@ -64,6 +64,8 @@ def test_a_study_beyond_all_reason_is_refused_in_a_sentence(study, old, new, say
     ("words", "says"),
     [
         (("new", "s.csv", "--poisson", "0,49"), "found '0,49', expected a number, such as 0.49"),
+        (("new", "s.csv", "--out", "n", "--size", "1,2"), "'--size': found '1,2', expected three"),
+        (("new", "s.csv", "--out", "n", "--origin", "0"), "'--origin': found '0', expected three"),
         (("demo", "--seed", "x"), "found 'x', expected a whole number"),
         (("demo", "--seed", "-1"), "found '-1', expected greater than or equal to 0"),
     ],
@@ -72,6 +74,16 @@ def test_a_value_of_an_option_is_refused_in_plain_words(words, says):
     said = refused(*words)
     assert says in said
     assert "Input" not in said
+
+
+@pytest.mark.parametrize("plant", ["force_drift=3", ":3", "force_drift:x"])
+def test_a_plant_in_another_form_is_answered_by_the_form(plant):
+    assert "expected NAME, NAME:3 (percent) or FILE.py" in refused("scan", "--plant", plant)
+
+
+def test_a_scan_in_place_of_a_study_is_answered_by_the_command_that_makes_one():
+    scan = TWELVE / "scan.csv"
+    assert f"`palpmap new {scan} --out FOLDER` makes one" in refused("fit", scan)
 
 
 def test_samples_that_cannot_be_drawn_are_refused_before_the_fit(study, monkeypatch):

@@ -70,7 +70,7 @@ class FreeMapFit:
     hyper : prior and error to start from; what is `given` stays
     lengths_m : least and largest length of the prior
     compliance : (j,) of each press by its own readings, from which the readings are first linear;
-        default that of the homogeneous body
+        default that of the body there
     weight : (j,) of the presses; 0 leaves one out
     warm : the map of the model is near the end; its median is the level then
     """
@@ -109,7 +109,7 @@ class FreeMapFit:
         Raises
         ------
         InadmissibleError
-            The homogeneous body, from which the search starts, cannot be evaluated.
+            The body from which the search starts cannot be evaluated.
         """
         s = self.settings
         u = np.concatenate([np.empty(0), *(part.to_scaled() for part in self._start.effects)])
@@ -202,17 +202,19 @@ class FreeMapFit:
     ) -> tuple[_Point, float]:
         """Step to where the misfit with the prior falls; the largest change of the field, or 0.
 
-        A step that is too long for the body's derivatives is damped, and the next one less.
+        A step that is too long for the body's derivatives is damped, and the next one less. That
+        hardly shortens directions which the readings know well: last the whole step is shortened.
         """
         s, low, high = self.settings, *point.model.unknowns.bounds
-        here = self._drawn_here(posterior)
+        here = self._drawn_here(point.field)
         before = posterior.misfit(np.zeros_like(point.s)) + here.cost
-        while self._damping < s.most_damping:
+        damped, shorter = s.damped, 1.0
+        while shorter > s.shortest:
             share, aim, moved = posterior.damped(self._damping)
             to_field = share * (aim.field - point.field)
             largest = float(np.abs(to_field).max())
             # Damping alone hardly shortens it over a lump as good as rigid
-            part = min(pace, s.longest_step / max(largest, 1e-300))
+            part = shorter * min(pace, s.longest_step / max(largest, 1e-300))
             drawn = here.towards(aim, part * share)
             u = np.clip(point.u + part * posterior.data.effects.step(moved), low, high)
             with suppress(InadmissibleError, SolverError):
@@ -223,13 +225,16 @@ class FreeMapFit:
                     self._drawn = self.hyper, drawn
                     self._damping = max(self._damping / s.damped, s.least_damping)
                     return there, part * largest
-            self._damping *= s.damped
+            if self._damping < s.most_damping:
+                self._damping, damped = self._damping * damped, damped * s.more_damped
+            else:
+                shorter *= s.shorter
         return point, 0.0
 
-    def _drawn_here(self, posterior: FieldPosterior) -> DrawnField:
-        """Return the present field as the prior draws it; a new prior, one that does the same."""
+    def _drawn_here(self, field: np.ndarray) -> DrawnField:
+        """Return the present field (g,) as the prior draws it."""
         if self._drawn is None or self._drawn[0] != self.hyper:
-            return posterior.drawn()
+            return DrawnField(self.prior.dual(field), field)
         return self._drawn[1]
 
     def _accept(self, point: _Point, posterior: FieldPosterior, number: int) -> None:
@@ -276,16 +281,17 @@ def refit_free_map(
 ) -> FitResult:
     """Fit a free map anew, with the effects of a model.
 
-    From the present field, or where `compliance` (j,) of the presses beside these effects is given
-    from the homogeneous body: a field that was fitted without them may be a trap.
+    From the present field, or from `compliance` (j,) of the presses beside these effects where it
+    is given: a field that was fitted without them may be a trap.
     """
     uncertain = model.map_uncertainty
     assert uncertain is not None
     assert isinstance(stiffness, FreeMap)
     if compliance is not None:
         assert model.unit_compliance is not None
-        level = np.log(np.median((model.unit_compliance / compliance)[uncertain.felt > 0]))
-        stiffness = FreeMap(stiffness.grid, np.full_like(stiffness.log_pa, level))
+        told, points = uncertain.felt > 0, model.mechanics.contacts.points_m
+        modulus = model.unit_compliance / compliance
+        stiffness = FreeMap.below_presses(stiffness.grid, points[told], modulus[told])
     space = ParameterSpace(stiffness, (), ())
     hyper, lengths_m = uncertain.prior
     return FreeMapFit(

@@ -68,7 +68,8 @@ def fit_free_map(
     apparent = apparent_modulus(
         shown.compliance, used.contact_points, used.contact_directions, homogeneous
     ).modulus_pa
-    start = FreeMap(grid, np.full(len(grid), np.log(np.median(apparent))))
+    told = weight > 0
+    start = FreeMap.below_presses(grid, used.contact_points[told], apparent[told])
     model = MeasurementModel(
         readings, used.displacement_m, experiment.noise, mechanics,
         ParameterSpace(start, (), ()), tuple(parts), unit_compliance=REFERENCE_PA * homogeneous,

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from identify.map.gaussian_map import GAUSSIAN, GaussianMap, Shape
 from identify.map.grid import Grid
+
+_NEAREST = 4  # presses around a place
 
 
 class FreeMap(GaussianMap):
@@ -30,6 +33,20 @@ class FreeMap(GaussianMap):
         super().__init__(float(np.exp(np.median(field))))
         object.__setattr__(self, "grid", grid)
         object.__setattr__(self, "log_pa", field)
+
+    @classmethod
+    def below_presses(cls, grid: Grid, points_m: np.ndarray, modulus_pa: np.ndarray) -> FreeMap:
+        """Return the map that is at each place as hard as the nearest presses find the body.
+
+        Parameters
+        ----------
+        points_m : (j, 3) contact points, m
+        modulus_pa : (j,) apparent Young's modulus there, Pa
+        """
+        nearest = min(_NEAREST, len(points_m))
+        apart, press = cKDTree(points_m).query(grid.points_m, k=range(1, nearest + 1))
+        weight = 1 / (apart**2 + max(grid.spacing_m) ** 2)
+        return cls(grid, np.average(np.log(modulus_pa)[press], axis=1, weights=weight))
 
     def __eq__(self, other: object) -> bool:
         return self is other

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from scipy import fft as scipy_fft
+from scipy.sparse.linalg import LinearOperator, cg
 
 from identify.map.grid import Grid
 
@@ -27,6 +28,10 @@ fft: Any = scipy_fft  # its stubs describe the dispatch, not the arrays
 
 _BATCH = 8  # fields that are transformed together: more leave the processor's cache
 _FAR = {1.5: 5.0, 0.5: 6.5}  # lengths beyond which a correlation does not count (below 0.2 %)
+
+# Of the conjugate gradients that find a field's dual: the cost of a field is right to the square of
+# the first, a field that the prior hardly draws has at least the cost that they find
+_DUAL_TOL, _DUAL_STEPS = 1e-3, 300
 
 
 @dataclass(frozen=True)
@@ -109,6 +114,14 @@ class MaternField:
             back = fft.irfft(moved, sz, axis=3)[..., :nz]
             found[first : first + _BATCH] = back.reshape(len(part), -1)
         return found + self.common(rows)
+
+    def dual(self, field: np.ndarray) -> np.ndarray:
+        """Return the dual (g,) whose product with the covariance is a field (g,), about."""
+        size = len(field)
+        covariance = LinearOperator(
+            (size, size), lambda dual: self.product(dual.reshape(1, size))[0], dtype=float
+        )
+        return cg(covariance, field, rtol=_DUAL_TOL, maxiter=_DUAL_STEPS)[0]
 
     def draws(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return random fields (count, g), with the further layers."""

@@ -140,13 +140,6 @@ class FieldPosterior:
         of_map = (1 - share) * data.here + share * data.by_field @ aim.field
         return share, aim, of_map + error * weights - data.offset
 
-    def drawn(self) -> DrawnField:
-        """Return the field of least cost with the present s."""
-        of_s = self.of_field.copy()
-        of_s[np.diag_indices_from(of_s)] += 1e-8 * np.trace(of_s) / len(of_s)
-        weights = np.linalg.solve(of_s, self.data.here)
-        return DrawnField(weights @ self.data.by_field, weights @ self.spread_by)
-
     def moved(self) -> np.ndarray:
         """Change (j,) of s from where the readings are linear, with the presses' own errors."""
         return self.damped(0.0)[2]

@@ -52,8 +52,11 @@ class FreeMapSettings:
     falls_short, as_promised : shares of what a step promises to shorten the next one by, below and
         above which the steps become shorter and longer
     longest_step : largest change of the map's logarithm in one
-    least_damping, most_damping, damped : least and most damping of a step, counted in the prior's
-        precision, and the factor by which it grows where a step does not lower the misfit
+    least_damping, most_damping, damped, more_damped : least and most damping of a step, counted in
+        the prior's precision, the factor by which it grows where a step does not lower the misfit,
+        and what that factor itself grows by with each further trial (Nielsen, IMM-REP-1999-05)
+    shorter, shortest : factor of a step after one that did not lower the misfit under most damping,
+        and the share of a step that ends the search
     worse : tolerated relative rise of the misfit in a step
     settled : change of the presses' compliances, in their standard deviations (the 95th percentile
         over that of a normal one), that ends the search; the last presses may be on a lump so hard
@@ -107,8 +110,11 @@ class FreeMapSettings:
     rough_steps: int = 3
     longest_step: float = 1.5
     least_damping: float = 0.01
-    most_damping: float = 1e3
+    most_damping: float = 30.0
     damped: float = 4.0
+    more_damped: float = 2.0
+    shorter: float = 0.4
+    shortest: float = 0.01
     worse: float = 1e-3
     settled: float = 0.15
     unfelt: float = 1.0

@@ -100,7 +100,7 @@ class Course:
     """
 
     def __init__(self, stages: Sequence[Stage]) -> None:
-        self._stages, self._now = stages, 0
+        self._stages, self._now, self._taken = stages, 0, 0
         self._within = -stages[0].seconds / stages[0].steps  # s of the present stage that are done
         self._counted_from = 0.0  # what was done of it when its counted steps began
         self._seconds = [stage.seconds * (not stage.asked) for stage in stages]
@@ -112,7 +112,7 @@ class Course:
         stage = next((k for k in following if text.startswith(self._stages[k].words)), self._now)
         entered = stage != self._now
         if entered:
-            self._now, self._within, self._counted_from = stage, 0.0, 0.0
+            self._now, self._within, self._counted_from, self._taken = stage, 0.0, 0.0, 0
             self._seconds[stage] = self._stages[stage].seconds
         if counted := _COUNTED.search(text):
             self._count(int(counted[1]), int(counted[2]), _pace(text))
@@ -123,7 +123,10 @@ class Course:
     def again(self) -> float:
         """Return the share to tell after one more step of the present stage."""
         now = self._stages[self._now]
-        self._within += now.seconds / now.steps
+        self._taken += 1
+        # Where there are many more than usual, most are quick
+        usual = min(now.steps / self._taken, 1.0)
+        self._within += usual * now.seconds / now.steps
         self._lengthen(self._within)
         return self._share_told()
 

@@ -185,3 +185,12 @@ def test_the_time_left_is_not_that_of_a_stage_nearly_over_while_a_law_is_sought_
     assert early
     assert all(re.search(r"about \d+ (s|min) left", line) for line in early)
     assert not any("about 5 s left" in line or "about 10 s left" in line for line in early)
+
+
+def test_many_quick_steps_of_a_stage_do_not_count_for_the_rest_of_the_command():
+    course = Course(EXPLAIN)
+    for text in ("meshing the body", "fitting the map"):
+        course.at(text)
+    for _ in range(100):
+        course.again()
+    assert 0.2 < course.share() < 0.6

@@ -123,6 +123,42 @@ def a_strangers_study(name: str, folder: Path) -> Path:
     return new_study(measured(name), folder / name, known)[0]
 
 
+def raw_stiffness(source: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Places (j, 2) m of the presses, and each one's force over travel (j,), N/m."""
+    scan = read_scan(source)
+    firm, place = [], []
+    for press in np.unique(scan.press):
+        rows = scan.press == press
+        firm.append(np.polyfit(scan.displacement_m[rows], scan.force_n[rows], 1)[0])
+        place.append(scan.point_m[rows][0, :2])
+    return np.array(place), np.array(firm)
+
+
+@pytest.mark.slow
+def test_spots_as_good_as_rigid_are_found_where_the_raw_stiffness_has_them(tmp_path):
+    """Their moduli are open upwards: the search must end all the same, or no spot is told."""
+    source = measured("arma_two_stiff")
+    shutil.copy(ROOT / "examples" / "arma_two_stiff" / "free_map.toml", tmp_path)
+    shutil.copy(source, tmp_path)
+    study = read_study(tmp_path / "free_map.toml")
+    fit = api.fit(study)
+    assert fit.success
+    assert fit.field is not None
+    assert fit.field.ordinary_error < 0.03
+    assert fit.field.left_out_error < 0.06
+    place, firm = raw_stiffness(source)
+    raw = []
+    for half in (place[:, 1] > 0.042, place[:, 1] < 0.042):
+        stiffest = place[half][np.argsort(firm[half])[-8:]]
+        raw.append(stiffest.mean(axis=0))
+    origin_m = study.opened().origin_m
+    spots = [s for s in fit.field.spots if s.probability > 0.95]
+    found = np.array([[s.x_m, s.y_m] for s in spots]) + origin_m[:2]
+    assert len(found) == 2
+    assert np.linalg.norm(np.array(raw)[:, None] - found, axis=2).min(axis=1).max() < 3e-3
+    assert all(spot.contrast > 10 for spot in spots)
+
+
 @pytest.mark.slow
 def test_two_small_balls_and_the_touch_are_found_in_a_scan_as_a_stranger_has_it(tmp_path):
     explained = api.explain(read_study(a_strangers_study("arma_small_balls", tmp_path)))
@@ -152,13 +188,7 @@ def test_a_stiff_band_is_the_first_area_of_a_scan_as_a_stranger_has_it(tmp_path)
     assert fit.field is not None
     assert fit.field.left_out_error < 0.08
     band = fit.field.areas[0]
-    scan = read_scan(measured("arma_straight_2mm"))
-    firm, place = [], []
-    for press in np.unique(scan.press):
-        rows = scan.press == press
-        firm.append(np.polyfit(scan.displacement_m[rows], scan.force_n[rows], 1)[0])
-        place.append(scan.point_m[rows][0, :2])
-    firm, place = np.array(firm), np.array(place)
+    place, firm = raw_stiffness(measured("arma_straight_2mm"))
     inner = np.all(np.abs(place - place.mean(axis=0)) < (0.035, 0.015), axis=1)
     stiff = place[inner][firm[inner] > np.quantile(firm[inner], 0.8)]
     origin_m = read_study(study).opened().origin_m

@@ -27,15 +27,6 @@ def test_the_demo_passes(demo):
     assert demo.record["success"]
 
 
-def test_the_terminal_shows_the_truth_beside_the_found_map(demo, tmp_path):
-    done = CliRunner().invoke(app, ["compare", str(demo.folder), "--out", str(tmp_path / "again")])
-    assert done.exit_code == 0, done.output
-    table = done.stdout.splitlines()
-    assert any(re.search(r"Found +95 % interval +True +Off", line) for line in table)
-    (background,) = (line for line in table if line.lstrip().startswith("background"))
-    assert re.search(r" 6(\.0+)? kPa +[+-]?\d\.\d s\.e\.", background)
-
-
 def test_every_press_keeps_force_place_and_coupling(demo):
     scan = demo.record["scan"]
     assert (scan["presses"], scan["presses_kept"]) == (81, 81)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from identify.map.gaussian_map import GAUSSIAN, GaussianMap, Shape
 from identify.map.grid import Grid
@@ -44,7 +44,7 @@ class FreeMap(GaussianMap):
         modulus_pa : (j,) apparent Young's modulus there, Pa
         """
         nearest = min(_NEAREST, len(points_m))
-        apart, press = cKDTree(points_m).query(grid.points_m, k=range(1, nearest + 1))
+        apart, press = KDTree(points_m).query(grid.points_m, k=range(1, nearest + 1))
         weight = 1 / (apart**2 + max(grid.spacing_m) ** 2)
         return cls(grid, np.average(np.log(modulus_pa)[press], axis=1, weights=weight))
 

@@ -119,7 +119,7 @@ class MaternField:
         """Return the dual (g,) whose product with the covariance is a field (g,), about."""
         size = len(field)
         covariance = LinearOperator(
-            (size, size), lambda dual: self.product(dual.reshape(1, size))[0], dtype=float
+            (size, size), lambda dual: self.product(dual.reshape(1, size))[0]
         )
         return cg(covariance, field, rtol=_DUAL_TOL, maxiter=_DUAL_STEPS)[0]
 

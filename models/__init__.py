@@ -1,6 +1,6 @@
 """Data of the laboratory: the arm, the body's geometry and the measured table (Scan)."""
 
-from models.arguments import Seed, kinds_checked, path_or, refuse_other_kind, shortened
+from models.arguments import Seed, kinds_checked, path_or, points_of, refuse_other_kind, shortened
 from models.arm import ARM_PACKAGE, ARMS, Arm, mesh_folder, read_arm
 from models.catalogue import Catalogue
 from models.errors import InputError
@@ -44,6 +44,7 @@ __all__ = [
     "mesh_folder",
     "nearest",
     "path_or",
+    "points_of",
     "read_arm",
     "read_program",
     "read_scan",

@@ -102,6 +102,26 @@ def kinds_checked(taker: F) -> F:
     return checked  # pyright: ignore[reportReturnType]
 
 
+def points_of(points: object, name: str = "points") -> np.ndarray:
+    """Return points as an array (p, 3).
+
+    Raises
+    ------
+    InputError
+        They are of another shape, or no numbers.
+    """
+    try:
+        found = np.asarray(points, float)
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.ndim != 2 or found.shape[-1] != 3:
+        raise InputError(
+            f"{name}: found {shortened(points)}, expected rows of 3 numbers, (p, 3) in m; one "
+            "point is [[x, y, z]]"
+        )
+    return found
+
+
 def refuse_other_kind(name: str, value: object, kind: Any) -> None:
     """Refuse one argument of another kind; in a list, the item is named.
 

@@ -137,6 +137,7 @@ class PressProgram:
         """Return some of the presses (their numbers), in that order."""
         return PressProgram(**{f.name: getattr(self, f.name)[presses] for f in fields(self)})
 
+    @kinds_checked
     def then(self, further: PressProgram, rest_s: float) -> PressProgram:
         """Return the program that makes these presses, rests, and makes further ones."""
         arrays = {

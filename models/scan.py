@@ -178,6 +178,10 @@ class Scan:
 
     def at_largest_force(self, values: np.ndarray) -> np.ndarray:
         """Return each press's mean (J,) of values (m,) near its largest force."""
+        if np.shape(values) != self.force_n.shape:
+            raise InputError(
+                f"values: found {shortened(values)}, expected {len(self)}, one a row of the scan"
+            )
         near = self.near_largest_force
         count = np.bincount(self.press_index, near)
         return np.bincount(self.press_index, near * values) / np.maximum(count, 1.0)

@@ -7,6 +7,7 @@ from scipy.spatial import KDTree
 
 from identify.map.gaussian_map import GAUSSIAN, GaussianMap, Shape
 from identify.map.grid import Grid
+from models import points_of
 
 _NEAREST = 4  # presses around a place
 
@@ -65,7 +66,7 @@ class FreeMap(GaussianMap):
 
     def modulus(self, points: np.ndarray, shape: Shape = GAUSSIAN) -> np.ndarray:
         """Young's modulus (p,) in Pa at points (p, 3) in m; the shape of inclusions is no part."""
-        return np.exp(self.grid.weights(points) @ self.log_pa)
+        return np.exp(self.grid.weights(points_of(points)) @ self.log_pa)
 
     def gradient(self, points: np.ndarray, shape: Shape = GAUSSIAN) -> np.ndarray:
         """Return the derivative by named parameters, of which there are none, (p, 0)."""

@@ -14,7 +14,7 @@ from math import cosh, gamma, hypot, sinh
 
 import numpy as np
 
-from models import InputError, kinds_checked
+from models import InputError, kinds_checked, points_of
 
 
 @kinds_checked
@@ -147,6 +147,7 @@ class GaussianMap:
 
     def modulus(self, points: np.ndarray, shape: Shape = GAUSSIAN) -> np.ndarray:
         """Young's modulus (p,) in Pa at points (p, 3) in m. It may be <= 0 where a weight is."""
+        points = points_of(points)
         modulus = np.full(len(points), self.background_pa, dtype=float)
         for inclusion in self.inclusions:
             modulus += inclusion.weight_pa * shape.added(inclusion, points)[0]
@@ -154,6 +155,7 @@ class GaussianMap:
 
     def gradient(self, points: np.ndarray, shape: Shape = GAUSSIAN) -> np.ndarray:
         """Return dE/dtheta (p, k) at points (p, 3), in Pa per unit of the parameter."""
+        points = points_of(points)
         columns = [np.ones(len(points))]
         for inclusion in self.inclusions:
             profile, slope, offset, q = shape.added(inclusion, points)

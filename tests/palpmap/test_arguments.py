@@ -39,6 +39,7 @@ def scan() -> pm.Scan:
 
 NOTHING: Any = None
 WRONG: Any = "x"
+POINT: Any = (0.03, 0.03, 0.02)
 CLASS: Any = type(pm.CATALOGUE[0])
 
 
@@ -75,6 +76,10 @@ CLASS: Any = type(pm.CATALOGUE[0])
         (lambda scan: scan.replace(travel_from=WRONG), "travel_from: found 'x', expected '', 'to"),
         (lambda scan: scan.replace(frame_m=(0.0, 0.0)), "frame_m: found (0.0, 0.0), expected 3 v"),
         (lambda scan: scan.moved(np.zeros(2)), "by_m: found array([0., 0.]), expected 3 numbers"),
+        (lambda scan: pm.GaussianMap(5e3).modulus(POINT), "points: found (0.03, 0.03, 0.02), ex"),
+        (lambda scan: pm.GaussianMap(5e3).gradient(WRONG), "points: found 'x', expected rows of"),
+        (lambda scan: pm.grid_program().then(WRONG, 0.0), "further: found 'x', expected a PressP"),
+        (lambda scan: scan.at_largest_force(POINT), "found (0.03, 0.03, 0.02), expected 264, one"),
         (lambda scan: scan.rows(1.5), "which: found 1.5, expected a mask or indices"),
     ],
 )

@@ -160,6 +160,8 @@ class Effect:
         """Return how one is made, for a sentence about another thing found in its place."""
         if isinstance(found, type) and issubclass(found, cls):
             return f"an instance of the class, {found.__name__}()"
+        if str(found).endswith(".py"):
+            return f"an instance of its class, or type `palpmap check-effect {found}`"
         return "pm.CATALOGUE['force_drift'], or MyEffect() of a class of your own"
 
     # ---- shape parameters ----------------------------------------------------------------

@@ -39,6 +39,7 @@ def scan() -> pm.Scan:
 
 NOTHING: Any = None
 WRONG: Any = "x"
+FILE: Any = "cable_drag.py"
 POINT: Any = (0.03, 0.03, 0.02)
 CLASS: Any = type(pm.CATALOGUE[0])
 
@@ -63,6 +64,7 @@ CLASS: Any = type(pm.CATALOGUE[0])
         (lambda scan: pm.grid_program(seed=-1), "seed: found -1, expected a whole number from 0"),
         (lambda scan: pm.grid_program(radii_m=(0.005, WRONG)), "radii_m: found 'x', expected a f"),
         (lambda scan: pm.check_effect(WRONG), "effect: found 'x', expected an Effect: give pm.CA"),
+        (lambda scan: pm.check_effect(FILE), "or type `palpmap check-effect cable_drag.py`"),
         (lambda scan: pm.check_effect(CLASS), "an instance of the class, Ex"),
         (lambda scan: pm.Inclusion(WRONG, 0, 0, 0, 1), "weight_pa: found 'x', expected a finite"),
         (

@@ -161,7 +161,7 @@ class CommandRun:
 def run_command(tmp_path_factory):
     """Return a function that runs the command in a process of its own."""
 
-    def run(*arguments: object, folder: Path | None = None, cwd: Path | None = None) -> CommandRun:
+    def run(*arguments: object, folder: Path | None = None) -> CommandRun:
         folder = folder or tmp_path_factory.mktemp("run")
         usage = tmp_path_factory.mktemp("usage") / "usage.json"
         words = [*map(str, arguments), "--json", "--out", str(folder)]
@@ -171,7 +171,6 @@ def run_command(tmp_path_factory):
             text=True,
             check=False,
             timeout=3600,
-            cwd=cwd,
         )
         return CommandRun(
             folder, done.returncode, done.stdout, done.stderr, **json.loads(usage.read_text())

@@ -26,10 +26,12 @@ SMALL = ("scan", "--presses-per-side", "2", "--quiet")
 
 
 @pytest.fixture(scope="module")
-def spaced(run_command, tmp_path_factory):
+def spaced(run_here, tmp_path_factory):
     """A scan made in a folder with a space in its name, into another one."""
     here = tmp_path_factory.mktemp("my work")
-    run = run_command(*SMALL, "--seed", "5", cwd=here, folder=Path("first run"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(here)
+        run = run_here(*SMALL, "--seed", "5", folder=Path("first run"))
     return run, here / "first run"
 
 

@@ -45,7 +45,8 @@ class FreeMap(GaussianMap):
         modulus_pa : (j,) apparent Young's modulus there, Pa
         """
         nearest = min(_NEAREST, len(points_m))
-        apart, press = KDTree(points_m).query(grid.points_m, k=range(1, nearest + 1))
+        found = KDTree(points_m).query(grid.points_m, k=nearest)
+        apart, press = (one.reshape(len(grid), nearest) for one in found)
         weight = 1 / (apart**2 + max(grid.spacing_m) ** 2)
         return cls(grid, np.average(np.log(modulus_pa)[press], axis=1, weights=weight))
 

@@ -113,6 +113,20 @@ def test_interpolation_is_exact_for_linear_fields_and_keeps_the_edge_beyond():
     assert beyond == pytest.approx([SIZE_M[0]])
 
 
+@pytest.mark.parametrize("count", [1, 3, 25])
+def test_a_map_below_presses_has_their_moduli(count):
+    grid = Grid.over(np.array([[0, 0, 0], SIZE_M]), 0.0025)
+    points = contacts().points_m[:count]
+    moduli = np.linspace(4e3, 9e3, count)
+    found = FreeMap.below_presses(grid, points, moduli)
+    assert found.log_pa.min() >= np.log(moduli.min()) - 1e-12
+    assert found.log_pa.max() <= np.log(moduli.max()) + 1e-12
+    under = found.modulus(np.array([[0.01, 0.01, SIZE_M[2]]]))
+    assert under == pytest.approx(moduli[0], rel=0.1)
+    far = np.array([[0.0, 0.06, 0.0], [0.06, 0.06, 0.0]])
+    assert np.all(np.abs(np.log(found.modulus(far) / np.median(moduli))) < np.log(2))
+
+
 def test_derivatives_by_the_field_against_differences(linear):
     model, _, here, _, by_field, _ = linear
     rng = np.random.default_rng(1)

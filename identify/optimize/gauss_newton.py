@@ -69,9 +69,8 @@ def minimize_gauss_newton(
     callback
         Called with x and |r|^2 / 2 at the start and after each accepted step.
     """
-    x0 = np.array(x0, dtype=float)
-    lower, upper = bounds or (np.full(x0.shape, -np.inf), np.full(x0.shape, np.inf))
-    x = np.clip(x0, lower, upper)
+    lower, upper = bounds or (np.full(len(x0), -np.inf), np.full(len(x0), np.inf))
+    x = np.clip(np.array(x0, dtype=float), lower, upper)
     r, jac = _at_start(residuals, x)
     fun, nfev, nit = 0.5 * float(r @ r), 1, 0
     damping, idle = _Damping(), 0

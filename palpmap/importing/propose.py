@@ -167,38 +167,28 @@ def _readings(
         way = [c.values for c in direction] if direction else [0.0, 0.0, -1.0]
         along = sum(c.values * w for c, w in zip(force, way, strict=True))
         lines.append(_sign(np.asarray(along), "the force on the body goes along the direction"))
-    unit, why = unit_of([travel], "length")
-    lines += [
-        Line("\n[travel]"),
-        Line(f'column = "{travel.name}"', "by its name"),
-        Line(f'unit = "{unit}"', why),
-        _sign(travel.values, "travel into the body counts positive"),
-    ]
+    lines += _lengths("travel", travel)
+    lines.append(_sign(travel.values, "travel into the body counts positive"))
     if point:
-        unit, why = unit_of(point, "length")
-        lines += [
-            Line("\n[point]"),
-            Line(f"columns = {_quoted(point)}", "by their names"),
-            Line(f'unit = "{unit}"', why),
-        ]
+        lines += _lengths("point", *point)
     else:
         lines += [Line("\n# [point]"), Line("# columns =", "the contact points [x, y, z]"),
                   Line("# unit =", "their unit"), *_places(travel.table)]  # fmt: skip
-    lines += _radius(recording)
+    radius = next((c for c in recording.channels if c.is_number and matches(c, "radius")
+                   and c.unit in ("", *LENGTH)), None)  # fmt: skip
+    lines += _lengths("radius", radius) if radius is not None else []
     said = "".join(line.text for line in [*lines, *_time_lines(travel.table)])
     rest = [n for n in travel.table.columns if f'"{n}"' not in said and n != PART]
     return [*lines, Line(f"\n# Not used: {', '.join(rest)}")] if rest else lines
 
 
-def _radius(recording: Recording) -> list[Line]:
-    """Return the lines of the tips' radius, none where no column is one."""
-    radius = next((c for c in recording.channels if c.is_number and matches(c, "radius")
-                   and c.unit in ("", *LENGTH)), None)  # fmt: skip
-    if radius is None:
-        return []
-    unit, why = unit_of([radius], "length")
-    return [Line("\n[radius]"), Line(f'column = "{radius.name}"', "by its name"),
-            Line(f'unit = "{unit}"', why)]  # fmt: skip
+def _lengths(key: str, *channels: Channel) -> list[Line]:
+    """Return a table of the mapping for columns of lengths, which were found by their names."""
+    unit, why = unit_of(channels, "length")
+    names = Line(f"columns = {_quoted(channels)}", "by their names")
+    if len(channels) == 1:
+        names = Line(f'column = "{channels[0].name}"', "by its name")
+    return [Line(f"\n[{key}]"), names, Line(f'unit = "{unit}"', why)]
 
 
 def _force_columns(force: tuple[Channel, ...]) -> Line:

@@ -24,6 +24,7 @@ from identify.map.parameters import ParameterSpace
 from identify.measurement.map_uncertainty import MapUncertainty
 from identify.measurement.model import MeasurementModel
 from identify.measurement.noise import Noise
+from identify.optimize.result import InadmissibleError
 from models import Scan
 
 SIZE_M = (0.06, 0.06, 0.03)
@@ -365,6 +366,35 @@ def test_a_step_that_is_too_long_is_made_shorter(body, grid):
     assert len(fit.history) > 10
     assert fit.chi2_per_dof < 1.1
     assert fit.field.spots[0].contrast > 5
+
+
+@pytest.mark.parametrize(("shortest", "ends"), [(FREE_MAP.shortest, True), (0.9, False)])
+def test_a_step_that_no_damping_makes_short_enough_is_shortened(body, grid, shortest, ends):
+    class Narrow(FreeMapFit):
+        at = None
+
+        def _point(self, model, field, u):
+            if self.at is not None and np.abs(field - self.at).max() > 0.1:
+                raise InadmissibleError("too far")
+            self.at = field
+            return super()._point(model, field, u)
+
+    rng = np.random.default_rng(11)
+    true = MaternField(grid, 0.02, 0.4).draws(rng, 1)[0]
+    model = model_of(body, grid, FreeMap(grid, LEVEL + 0.5 + true), rng)
+    hyper = Hyper(0.02, 0.4, 0.01, ("length_m", "spread"))
+    settings = replace(FREE_MAP, shortest=shortest, iterations=40)
+    fit = Narrow(model, hyper, (0.009, 0.06), settings=settings).run()
+    assert fit.success is ends
+
+
+def test_a_search_knows_the_cost_of_a_field_that_its_prior_did_not_draw(body, grid):
+    model = model_of(body, grid, FreeMap(grid, np.full(len(grid), LEVEL)), np.random.default_rng(2))
+    search = FreeMapFit(model, Hyper(0.02, 0.4, 0.01), (0.009, 0.06))
+    field = MaternField(grid, 0.01, 0.5).draws(np.random.default_rng(3), 1)[0]
+    covariance = search.prior.product(np.eye(len(grid)))
+    cost = field @ np.linalg.solve(covariance, field)
+    assert search._drawn_here(field).cost == pytest.approx(cost, rel=0.01)
 
 
 def test_a_homogeneous_body_has_no_spot(body, grid):

@@ -9,8 +9,9 @@ so that nothing grows with the grid but products with its covariance. The prior'
 and the map's own error are found by evidence in the first steps. Towards the end each step is
 corrected towards the finer model of the body, as in `identify.fit.joint_fit`. The logarithm keeps
 the modulus positive. The search begins where each place is as hard as the presses nearest to it
-find the body: from an even body it was slow to reach lumps as good as rigid. A step to where the misfit does not fall, or to a body that cannot be
-evaluated, is damped: directions that the readings hardly feel go less far.
+find the body: from an even body it was slow to reach lumps as good as rigid. A step to where the
+misfit does not fall, or to a body that cannot be evaluated, is damped: directions that the readings
+hardly feel go less far.
 """
 
 from __future__ import annotations

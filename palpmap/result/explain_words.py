@@ -35,8 +35,8 @@ VERDICTS = {  # but see `headline`
 
 UNRELIABLE = "Not to be relied on: a cause is missing that moves these values."
 UNRELIABLE_THERE = (
-    "Found from all other presses. The map under those that hold the structure, and how hard it is "
-    "there, is not to be relied on."
+    "Parameters and map come from the other presses: those that hold the structure count little. "
+    "The map under them, and how hard it is there, is not to be relied on."
 )
 
 CANDIDATES = {

@@ -90,7 +90,7 @@ def test_where_few_presses_hold_the_structure_the_map_is_doubtful_under_them_alo
     records: list[Any] = [SimpleNamespace(few_presses=few) for few in ((), (3, 7))]
     said = [unreliable(record) for record in records]
     assert said[0].startswith("Not to be relied on")
-    assert said[1].startswith("Found from all other presses")
+    assert said[1].startswith("Parameters and map come from the other presses")
 
 
 def test_the_first_readings_tell_the_force_from_which_travel_counts():
